@@ -97,6 +97,7 @@ docs: $(VENV)/.documentation
 
 pictures: $(VENV)/.development demo
 	PYTHONPATH=tests $(BIN)/python -m tests.pictures demo docs/images
+	PYTHONPATH=tests $(BIN)/python -m tests.cause_pictures docs/images
 
 refit: $(VENV)/.package
 	$(BIN)/python -m papers.plant.refit src/catenary/simulation/data/raven2_friction.toml \

@@ -4,7 +4,7 @@ The true arm has masses 12 % and 5 mm from its file's, Coulomb, viscous, Stribec
 zeros of torque and noise, of the size of its own torques.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
@@ -36,6 +36,7 @@ class Truth:
     masses: float = 0.12  # relative error of the file's masses
     friction: float = 1.0
     load: tuple[float, tuple[float, float, float]] | None = None  # [kg], place in the tip's frame [m]
+    taken_up: float = 0.0  # [kg] after 45 % of the time
     gravity: tuple[float, float, float] = tuple(LEVEL)
     gain: Any = 1.0
     coupled: float = 0.0  # [Nm] friction of the last two joints' common drive
@@ -102,6 +103,10 @@ def known_torques(truth: Truth, rate: float = 200.0) -> MotionLog:
     own = torque_regressor(model, q, qd, qdd, gravity) @ phi
     coulomb, rotor = 0.22 * usual, np.minimum(0.12 * usual, 2.5)
     sliding = coulomb + 0.03 * np.abs(own) + 0.3 * coulomb * np.exp(-((qd / 0.08) ** 2))
+    if truth.taken_up:
+        phi = _carrying_parameters(model, replace(truth, load=(truth.taken_up, (0.02, 0.0, 0.06))))
+        later = len(own) * 9 // 20
+        own[later:] = torque_regressor(model, q[later:], qd[later:], qdd[later:], gravity) @ phi
     tau = own + rotor * qdd + truth.friction * (sliding * np.tanh(qd / 0.004) + 1.1 * coulomb * qd)
     tau += 0.04 * usual * np.sin(2.0 * np.arange(n) + 1.0)
     tau[:, -2:] += truth.coupled * np.tanh((qd[:, -2] + qd[:, -1]) / 0.004)[:, None]
@@ -123,6 +128,9 @@ def _spoilt(
     swapped: tuple[int, int] | None = None,
     torques_alone: bool = False,
     late_rows: int = 0,
+    late_joint: tuple[int, int] | None = None,
+    leap: tuple[int, float] | None = None,
+    turn: int | None = None,
 ) -> tuple[Floats, Floats, Floats]:
     """Return positions, velocities and torques as a recorder with a fault of each kind would have them."""
     q, qd, tau = q.copy(), qd.copy(), tau.copy()
@@ -135,6 +143,13 @@ def _spoilt(
     if swapped is not None:
         for values in (tau,) if torques_alone else (q, qd, tau):
             values[:, list(swapped)] = values[:, list(swapped)[::-1]]
+    later = len(tau) * 9 // 20
+    if leap is not None:
+        tau[later:, leap[0]] += leap[1]
+    if turn is not None:
+        tau[later:, turn] *= -1.0
+    if late_joint is not None:
+        tau[:, late_joint[0]] = np.roll(tau[:, late_joint[0]], late_joint[1])
     if late_rows:
         q, qd, tau = q[late_rows:], qd[late_rows:], tau[:-late_rows]
     return q, qd, tau
@@ -191,6 +206,12 @@ TRUTHS = (
     Truth("J5 and J6 swapped", "swapped", (4, 5), spoil={"swapped": (4, 5)}),
     Truth("coupled wrist", "shared drive", (4, 5), coupled=1.2),
     Truth("40 ms late", "delay", spoil={"late_rows": 8}),
+    Truth("J3 50 ms late", "delay", (2,), spoil={"late_joint": (2, 10)}, **_UR10E),
+    Truth("half of gravity taken out", "no gravity", gravity=(0.0, 0.0, -4.9)),
+    Truth("J2's zero leaps by 15 Nm", "zero leaps", (1,), spoil={"leap": (1, 15.0)}),
+    Truth("J3's zero of a Panda leaps by 8 Nm", "zero leaps", (2,), spoil={"leap": (2, -8.0)}, **_PANDA),
+    Truth("J2's sign turns", "sign turns", (1,), spoil={"turn": 1}, **_UR10E),
+    Truth("2 kg taken up", "load changes", taken_up=2.0),
     Truth("J1 locked", None, locked=0, **_UR10E),
     Truth("J4 locked", None, locked=3, **_UR10E),
 )

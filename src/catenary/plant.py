@@ -376,12 +376,13 @@ class MotionLog:
     def row_hashes(self) -> NDArray[np.uint64]:
         """A hash of each row (N,), of what was reported, measured and exerted, in single precision: 0 if unmeasured."""
         arrays = [each for each in (self.q_nominal, self.q_encoder, self.tau) if each is not None]
-        values = (np.nan_to_num(np.hstack(arrays)).clip(-1e38, 1e38).astype(np.float32) + np.float32(0.0)).view(
-            np.uint32
-        )
-        factors = np.cumprod(np.full(values.shape[1], _HASH_FACTOR, dtype=np.uint64))
-        measured = self.ok | (self.q_encoder is None)
-        return np.where(measured, (values * factors).sum(axis=1, dtype=np.uint64), np.uint64(0))
+        columns = [column for each in arrays for column in each.T]
+        factors = np.cumprod(np.full(len(columns), _HASH_FACTOR, dtype=np.uint64))
+        found = np.zeros(len(self), dtype=np.uint64)
+        for column, factor in zip(columns, factors, strict=True):
+            single = np.nan_to_num(column).clip(-1e38, 1e38).astype(np.float32) + np.float32(0.0)
+            found += single.view(np.uint32) * factor
+        return np.where(self.ok | (self.q_encoder is None), found, np.uint64(0))
 
     @cached_property
     def marks(self) -> tuple[str, ...]:

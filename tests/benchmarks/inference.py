@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from sklearn.linear_model import LinearRegression
@@ -18,11 +19,11 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 from catenary import Corrector
 from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.predictors import Linear, Network, Quadratic
+from catenary.calibration.predictors import Expansion, Network
 from tests.benchmarks.measure import Call, Table, Tables, report, side_by_side
 from tests.oracles.calibration_models import random_model, random_network, random_predictor
 
-Fitted = Linear | Quadratic | Network
+Fitted = Expansion | Network
 Predict = Callable[[], Floats]  # outputs (N, m) for rows that were given
 
 
@@ -42,23 +43,22 @@ def sklearn_call(predictor: Fitted, X: Floats) -> Predict:
     else:
         regressor = LinearRegression()
         outputs = len(predictor.bias)
-    steps = {
-        Linear: [regressor],
-        Quadratic: [StandardScaler(), PolynomialFeatures(2, include_bias=False), regressor],
-        Network: [StandardScaler(), regressor],
-    }[type(predictor)]
+    steps: list[Any] = [StandardScaler(), regressor]
+    if isinstance(predictor, Expansion):
+        of_second_order = [StandardScaler(), PolynomialFeatures(2, include_bias=False)]
+        steps = [*(of_second_order if len(predictor.terms.pairs) else []), regressor]
     estimator = make_pipeline(*steps) if len(steps) > 1 else regressor
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # one iteration does not converge: the weights are replaced
         estimator.fit(rows, rng.normal(size=(50, outputs)))
-    if not isinstance(predictor, Linear):
-        steps[0].mean_, steps[0].scale_ = predictor.mean, predictor.scale
+    if len(steps) > 1:
+        scaling = predictor if isinstance(predictor, Network) else predictor.terms
+        steps[0].mean_ = scaling.mean if isinstance(scaling, Network) else scaling.middle
+        steps[0].scale_ = scaling.scale
     if isinstance(predictor, Network):
         regressor.coefs_, regressor.intercepts_ = list(predictor.weights), list(predictor.biases)
         return lambda: estimator.predict(X) * predictor.out_scale + predictor.out_mean
-    linear = isinstance(predictor, Linear)
-    weights = predictor.weights if linear else np.vstack([predictor.linear, predictor.quadratic])
-    regressor.coef_, regressor.intercept_ = weights.T, predictor.bias
+    regressor.coef_, regressor.intercept_ = predictor.weights.T, predictor.bias
     return partial(estimator.predict, X)
 
 

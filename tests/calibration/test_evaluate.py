@@ -129,9 +129,6 @@ def test_no_fold_is_fitted_to_the_block_that_it_predicts() -> None:
     seen.clear()
     cross_validate(data_of(logs[1], logs[1]), offset_fit(logs[1], seen.append), folds=4)
     assert_array_equal([np.bincount(rows.recording) for rows in seen], np.full((4, 2), 30))
-    seen.clear()
-    cross_validate(data_of(*logs), offset_fit(logs[1], seen.append), folds=4, recordings=True)
-    assert [set(rows.recording) for rows in seen] == [{1}, {0}]
 
 
 def test_spread_over_blocks_is_that_of_their_errors_about_the_others_mean() -> None:

@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 from catenary.calibration.cable_paths import play_states
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.expansion import Expansion
 from catenary.calibration.extrapolation import _SKETCHES, _Regression
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
+from catenary.calibration.predictors import Expansion
 from catenary.plant import MotionLog
 from drawn_arms.arm import Arm
 

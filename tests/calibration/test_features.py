@@ -10,12 +10,12 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.calibration import features as features_of_rows
-from catenary.calibration.arithmetic import run
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
+from catenary.kernels.bind import run
 from hysteretic_arm import play as pushed
 from recordings import STEP, recording
 

@@ -104,7 +104,7 @@ def test_play_half_widths_do_not_look_at_the_held_out_part() -> None:
     ("options", "message"),
     [
         ({"kind": "cubic"}, 'model "cubic": expected one of offset, linear, polynomial, neural, learned'),
-        ({"kind": "hysteretic"}, "no longer fitted"),
+        ({"kind": "hysteretic"}, "expected one of offset, linear"),
         ({"kind": "linear", "preset": "best"}, 'preset "best" of model "linear": there is paper of neural alone'),
         ({"target": "torque"}, 'target "torque": expected one of error, position'),
         ({"play": (1.5,)}, "play: expected shares"),

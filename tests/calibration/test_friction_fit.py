@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_recordings import friction_notes
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
@@ -72,18 +71,6 @@ def test_joints_that_never_move_at_once_are_not_coupled() -> None:
     q_encoder[:, 2:] = q[:, 2:] + error + 2e-3 * np.random.default_rng(0).normal(size=error.shape)
     found = find_friction(Recordings.of([replace(log, q_nominal=q, q_encoder=q_encoder)]), OPTIONS)
     assert found is None or found.states.positions != ("q:J5", "q:J6")
-
-
-def test_days_differ_by_their_level_of_friction() -> None:
-    days = [coupled_arm(seed, rows=900, level=level) for seed, level in enumerate((1.0, 0.6))]
-    found = find_friction(Recordings.of(days), replace(OPTIONS, coupled=("J5", "J6")))
-    assert found is not None
-    levels = np.array(found.levels)
-    assert_allclose(levels.sum(axis=0), 0.0, atol=1e-12)  # over their mean
-    assert_allclose(levels[1] - levels[0], np.log(0.6), atol=0.15)
-    notes = friction_notes(days, found)
-    assert "friction couples J5, J6" in notes[0]
-    assert f"J5 {np.exp(levels[1, 0]):.2f}" in notes[2]
 
 
 @pytest.mark.parametrize(

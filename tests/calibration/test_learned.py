@@ -7,9 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.calibration.dataset import calibration_data
-from catenary.calibration.expansion import Expansion, Terms
 from catenary.calibration.learned import GROUPS
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.predictors import Expansion
+from catenary.calibration.terms import Terms
 from hysteretic_arm import play
 from oracles.calibration_models import expanded, random_expansion
 from recordings import fitted, recording

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
-from catenary.calibration.predictors import Linear
+from catenary.calibration.predictors import linear
 from catenary.calibration.valid_range import ValidRange
 from catenary.errors import InputError
 from recordings import recording
@@ -35,8 +35,8 @@ def one_of_each(target: Target = "error") -> CalibrationModel:
         offset=OFFSET,
         largest=np.array([10.0, 10.0]),
         groups=(
-            JointGroup((0,), both, Linear(np.array([[2.0], [3.0]]), np.array([1.0])), unit_box(2), both),
-            JointGroup((1,), own, Linear(np.array([[4.0]]), np.array([0.0])), unit_box(1), own),
+            JointGroup((0,), both, linear(np.array([[2.0], [3.0]]), np.array([1.0])), unit_box(2), both),
+            JointGroup((1,), own, linear(np.array([[4.0]]), np.array([0.0])), unit_box(1), own),
         ),
     )
 
@@ -87,16 +87,16 @@ def with_group(**changes: Any) -> CalibrationModel:
     ("make", "message"),
     [
         (
-            lambda: with_group(predictor=Linear(np.zeros((3, 1)), np.zeros(1))),
+            lambda: with_group(predictor=linear(np.zeros((3, 1)), np.zeros(1))),
             "take 2 features, .* the predictor takes 3",
         ),
-        (lambda: with_group(predictor=Linear(np.zeros((2, 2)), np.zeros(2))), "the predictor takes 2 and gives 2"),
+        (lambda: with_group(predictor=linear(np.zeros((2, 2)), np.zeros(2))), "the predictor takes 2 and gives 2"),
         (lambda: with_group(valid_range=unit_box(1)), "2 of them watched; .* the valid range is of 1"),
         (lambda: with_group(columns=np.array([1, 2])), r"joints \(0,\) take features beyond the 2 that there"),
         (lambda: with_group(columns=np.array([0.0, 1.0])), "columns: expected indices of features"),
         (lambda: with_group(joints=(1,)), "each of its 2 joints in one group"),
-        (lambda: Linear(np.zeros((4, 2)), np.zeros(3)), r"bias: expected shape \(2,\), got \(3,\)"),
-        (lambda: Linear(np.full((4, 2), np.nan), np.zeros(2)), r"weights\[0, 0\] is nan"),
+        (lambda: linear(np.zeros((4, 2)), np.zeros(3)), r"weights: expected shape \(4, 3\), got \(4, 2\)"),
+        (lambda: linear(np.full((4, 2), np.nan), np.zeros(2)), r"weights\[0, 0\] is nan"),
         (lambda: replace(unit_box(3), lower=np.zeros(2)), r"upper: expected shape \(2,\), got \(3,\)"),
         (lambda: replace(one_of_each(), offset=np.zeros(3)), r"offset: expected shape \(2,\)"),
         (lambda: replace(one_of_each(), target="torque"), "target 'torque': expected error or position"),

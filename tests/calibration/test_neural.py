@@ -10,19 +10,11 @@ from numpy.testing import assert_allclose
 from sklearn.neural_network import MLPRegressor
 
 from catenary.calibration import neural
-from catenary.calibration.neural import (
-    PAPER,
-    PAPER_LARGER,
-    NetworkSettings,
-    Penalties,
-    TrainedNetwork,
-    fit_neural,
-    logistic_units,
-    tanh_units,
-)
+from catenary.calibration.neural import PAPER, NetworkSettings, Penalties, TrainedNetwork, fit_neural, logistic_units
 from catenary.calibration.predictors import Network
+from papers.calibration.figure_8 import PAPER_LARGER
 
-SMALL = NetworkSettings((8,), "tanh", 1e-4, 1e-2, 64, 20)
+SMALL = NetworkSettings((8,), 1e-4, 1e-2, 64, 20)
 SHORT = pytest.mark.parametrize("settings", [replace(PAPER, epochs=5)], ids=["paper"])
 
 
@@ -82,23 +74,22 @@ def assert_slopes_of(
             assert slopes[place] == pytest.approx(0.5 * outputs * slope, abs=1e-6)
 
 
-@pytest.mark.parametrize("activation", ["logistic", "tanh"])
 @pytest.mark.parametrize(
     "others",
     [Penalties(), Penalties(0.02, 0.03, 0.04), Penalties(0.02, 0.03, 0.04, output=False)],
     ids=["l2", "all", "hidden"],
 )
-def test_gradient_is_that_of_keras_loss(activation: Any, others: Penalties) -> None:
+def test_gradient_is_that_of_keras_loss(others: Penalties) -> None:
     rng = np.random.default_rng(0)
     rows, outputs, l2 = 11, 2, 0.05
     X, Y = rng.normal(size=(rows, 4)), rng.normal(size=(rows, outputs))
-    network = in_double_precision(TrainedNetwork((4, 6, 5, outputs), activation, 1))
+    network = in_double_precision(TrainedNetwork((4, 6, 5, outputs), 1))
 
     def loss() -> float:
         layer, activity = X, 0.0
         for weights, bias in zip(network.weights[:-1], network.biases[:-1], strict=True):
             layer = layer @ weights + bias
-            layer = 1.0 / (1.0 + np.exp(-layer)) if activation == "logistic" else np.tanh(layer)
+            layer = 1.0 / (1.0 + np.exp(-layer))
             activity += np.sum(layer**2) / rows
         errors = layer @ network.weights[-1] + network.biases[-1] - Y
         held = slice(None if others.output else -1)
@@ -119,13 +110,12 @@ def test_larger_network_of_the_paper_has_its_size_and_penalties(steps: list[dict
     assert PAPER_LARGER.penalties == Penalties(l1=1e-5, bias_l2=1e-4, activity_l2=1e-5, output=False)
 
 
-@pytest.mark.parametrize("activation", ["logistic", "tanh"])
 @pytest.mark.parametrize("outputs", [1, 3])
-def test_steps_are_those_of_scikit_learns_adam(activation: Any, outputs: int) -> None:
+def test_steps_are_those_of_scikit_learns_adam(outputs: int) -> None:
     X, Y = (values.astype(np.float32) for values in problem(64, outputs))
-    theirs = MLPRegressor(hidden_layer_sizes=(7, 5), activation=activation, alpha=0.3 * 32 * outputs, batch_size=32,
+    theirs = MLPRegressor(hidden_layer_sizes=(7, 5), activation="logistic", alpha=0.3 * 32 * outputs, batch_size=32,
                           learning_rate_init=0.01, shuffle=False, random_state=5)  # fmt: skip
-    ours = TrainedNetwork((2, 7, 5, outputs), activation, 5)
+    ours = TrainedNetwork((2, 7, 5, outputs), 5)
     for k in range(40):
         part = slice(32 * (k % 2), 32 * (k % 2) + 32)
         theirs.partial_fit(X[part], Y[part].squeeze())
@@ -141,7 +131,7 @@ def test_paper_network_is_trained_as_the_paper_states(steps: list[dict[str, Any]
     assert {s["l2"] for s in steps} == {5e-4}
     assert {s["rate"] for s in steps} == {1e-3}
     assert [W.shape for W in network.weights] == [(2, 100), (100, 100), (100, 3)]
-    assert (PAPER.epochs, network.activation, network.skip) == (200, "logistic", None)
+    assert (PAPER.epochs, network.activation) == (200, "logistic")
 
 
 @SHORT
@@ -170,9 +160,8 @@ def logistic(x: np.ndarray) -> np.ndarray:
     return 0.5 + 0.5 * np.tanh(0.5 * x)
 
 
-@pytest.mark.parametrize(("units", "exact"), [(tanh_units, np.tanh), (logistic_units, logistic)])
-def test_units_give_their_function_wherever_they_are_asked(units, exact) -> None:
+def test_units_give_their_function_wherever_they_are_asked() -> None:
     layer = POINTS.astype(np.float32)[:, None]
-    expected = exact(layer.astype(np.float64))
-    units(layer, np.zeros(1, np.float32))
+    expected = logistic(layer.astype(np.float64))
+    logistic_units(layer, np.zeros(1, np.float32))
     assert_allclose(layer, expected, rtol=0.0, atol=3e-7)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
@@ -38,7 +38,7 @@ def spiked(rows: list[int], to: float = 3.0) -> Floats:
 
 @pytest.mark.parametrize("to", [3.0, -0.4, 1e300])
 def test_a_spike_leaves_no_trace_in_the_rows_after_it(to: float) -> None:
-    X, leaping, leaps, _ = LIMITED.rows(log_of(spiked([300], to)))
+    X, leaping, leaps = LIMITED.rows(log_of(spiked([300], to)))
     clean = LIMITED.matrix(log_of(SLOW))
     assert leaps == {"q:J1": 1}
     assert X[300, 0] == to
@@ -52,7 +52,7 @@ def test_a_spike_leaves_no_trace_in_the_rows_after_it(to: float) -> None:
 def test_no_motion_within_the_limits_changes_a_bit(moves: list[float]) -> None:
     q = 0.999999 * np.cumsum(moves)  # sums are rounded
     log = log_of(q, None)
-    X, _, leaps, _ = LIMITED.rows(log)
+    X, _, leaps = LIMITED.rows(log)
     assert leaps == {"q:J1": 0}
     assert_array_equal(X, PLAIN.matrix(log))
 
@@ -61,7 +61,7 @@ def test_no_motion_within_the_limits_changes_a_bit(moves: list[float]) -> None:
 @given(st.sets(st.integers(1, 798), max_size=20), st.floats(2.0, 1e6))
 def test_single_spikes_are_counted_and_count_as_rows_that_were_not_there(rows: set[int], to: float) -> None:
     alone = sorted(row for row in rows if not rows & {row - 1, row - 2})
-    X, _, leaps, _ = LIMITED.rows(log_of(spiked(alone, to)))
+    X, _, leaps = LIMITED.rows(log_of(spiked(alone, to)))
     assert leaps == {"q:J1": len(alone)}
     held = SLOW.copy()
     held[alone] = SLOW[np.array(alone, dtype=int) - 1]
@@ -69,11 +69,11 @@ def test_single_spikes_are_counted_and_count_as_rows_that_were_not_there(rows: s
     assert_array_equal(X[kept], PLAIN.matrix(log_of(held))[kept])
 
 
-def test_a_leap_that_stays_was_the_truth_all_along() -> None:
+def test_a_leap_that_stays_is_believed() -> None:
     moved = SLOW + 1.0 * (T > 5.0)
-    X, leaping, leaps, _ = LIMITED.rows(log_of(moved))
+    X, leaping, leaps = LIMITED.rows(log_of(moved))
     assert leaps == {"q:J1": 0}
-    assert_array_equal(X, PLAIN.matrix(log_of(moved)))
+    assert_allclose(X, PLAIN.matrix(log_of(moved)), atol=0.01)  # two rows of motion
     assert np.flatnonzero(leaping).tolist() == [251, 252]  # until it is confirmed
 
 
@@ -82,12 +82,11 @@ def sparse(rng: np.random.Generator, rows: int = 200) -> Floats:
     return rng.uniform(-0.5, 0.5, rows)
 
 
-def test_play_states_follow_random_targets_as_without_limits(rng: np.random.Generator) -> None:
+def test_play_states_soon_follow_random_targets_as_without_limits(rng: np.random.Generator) -> None:
     log = log_of(sparse(rng), None)
-    X, leaping, _, another = LIMITED.rows(log)
-    first = int(np.argmax(leaping[5:])) + 5
-    assert another > 0.9 * len(log)
-    assert_array_equal(X[first:], PLAIN.matrix(log)[first:])
+    X, leaping, _ = LIMITED.rows(log)
+    assert leaping.mean() > 0.5  # intervals are wider
+    assert_array_equal(X[50:], PLAIN.matrix(log)[50:])  # they have swept the range
 
 
 def test_a_spike_has_the_half_width_of_the_fixed_offset() -> None:
@@ -107,7 +106,7 @@ def test_a_spike_has_the_half_width_of_the_fixed_offset() -> None:
 def test_a_pause_gives_room_to_move() -> None:
     time, q = np.delete(T, np.s_[300:320]), np.delete(SLOW, np.s_[300:320])
     assert room_of(log_of(q, time), 0.02)[300] == pytest.approx(21.0)
-    X, _, leaps, _ = LIMITED.rows(log_of(q, time))
+    X, _, leaps = LIMITED.rows(log_of(q, time))
     assert leaps == {"q:J1": 0}
     assert_array_equal(X, PLAIN.matrix(log_of(q, time)))
 

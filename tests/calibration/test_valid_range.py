@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.calibration.arithmetic import run
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.valid_range import ValidRange, fit_valid_range
+from catenary.kernels.bind import run
 from recordings import fitted
 from tests.truth.recordings import raven
 
@@ -15,7 +15,7 @@ MARGIN = 0.1
 def inside(valid: ValidRange, X: np.ndarray) -> np.ndarray:
     """Whether each row lies within both boxes."""
     flags = np.ones(len(X), dtype=bool)
-    run(valid.steps(X, flags))
+    run(valid.steps(X, flags, np.empty((len(X), 1))))
     return flags
 
 

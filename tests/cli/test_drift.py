@@ -12,7 +12,9 @@ from catenary.calibration.model_file import load_model
 from catenary.files import card_path, sha256_of
 from catenary.plant import MotionLog
 from catenary.recording.logs import write_parquet
+from catenary.robots.catalog import load_robot
 from command_line import catenary, refusal
+from moving_arm import recorded, write_npz
 from tests.verdict.test_delay import cable_arm
 
 pytestmark = pytest.mark.usefixtures("undrawn")
@@ -209,3 +211,19 @@ def test_what_does_not_belong_together_is_refused(models: list[Path], tmp_path: 
     write_parquet(replace(log, joint_names=("a", "b", "c")), tmp_path / "other.parquet")
     catenary("fit", tmp_path / "other.parquet", "--model", "offset", "--out", tmp_path / "other.npz")
     assert "expected those of arm0" in refusal("drift", models[0], tmp_path / "other.npz")
+
+
+def test_an_identified_arm_is_told_what_has_changed_since(tmp_path: Path) -> None:
+    arm, runs = load_robot("raven2"), []
+    for seed, zero, rubs in ((0, 0.0, 0.0), (1, 2.0, 0.0), (2, 0.0, 1.5), (3, 0.0, 0.0)):
+        log = recorded(arm, seed, noise=0.02)
+        changed = np.array(log.tau) + np.array([0.0, zero, 0.0]) + np.array([0.0, rubs, 0.0]) * np.sign(log.qd)
+        write_npz(replace(log, tau=changed), tmp_path / f"run{seed}.npz")
+        runs.append(tmp_path / f"run{seed}.npz")
+    found = tmp_path / "arm.npz"
+    catenary("identify", runs[0], "--robot", "raven2", "--friction", "none", "--out", found)
+    outcome = catenary("drift", found, *runs[1:], "--json")
+    assert outcome.code == 1
+    told = [(change["recording"], change["finding"], change["joints"]) for change in outcome.json["changes"]]
+    assert told == [("run1", "offset", ["elbow"]), ("run2", "friction", ["elbow"])]
+    assert "nothing differs" in catenary("drift", found, runs[3]).out

@@ -167,7 +167,6 @@ def test_a_model_s_mends_are_told_and_switched_off_on_the_command_line(tmp_path:
         ("evaluate", made, second),
         ("drift", made, second),
         ("refresh", made, second, "--out", tmp_path / "new.npz"),
-        ("monitor", "--log", second, "--model", made, "--speed", "1e4"),
     ):
         done = catenary(*command)
         assert said in " ".join(done.err.split()), done

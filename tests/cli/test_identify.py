@@ -32,7 +32,7 @@ def identified(log: Path, out: Path, *options: object) -> Any:
 
 def test_identify_prints_counts_condition_and_residuals(moving_arm_logs: Path, tmp_path: Path) -> None:
     test_log = moving_arm_logs / "run1.npz"
-    options = ("--test", test_log, "--period", 1000, *QUICK)
+    options = ("--test", test_log, *QUICK)
     content = identified(moving_arm_logs / "run0.npz", tmp_path / "a.npz", *options)
     assert {"n_base", "condition", "rank", "training", "tests"} <= set(content)
     assert content["n_base"] == content["rank"]
@@ -106,7 +106,7 @@ def test_a_payload_is_not_weighed_by_torques_of_another_sign_or_unit(
     joint = load_robot("raven2").joint_names[1]
     for factor, name, mend in (
         (-1.0, "sign", ("--sign", f"tau:{joint}")),
-        (0.05, "torques", ("--scale", f"tau:{joint}=20")),
+        (0.02, "torques", ("--scale", f"tau:{joint}=50")),
     ):
         tau = content["tau"].copy()
         tau[:, 1] *= factor

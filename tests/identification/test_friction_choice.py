@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.actuation_loads import known_loads
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.identification.friction_choice import _gain
 from catenary.identification.identification import identify
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import path_load
@@ -83,12 +82,3 @@ def test_friction_of_a_robots_file_stands_as_it_is():
     found = identified("presliding")
     again = identify(logs, replace(found.model, actuation=replace(found.model.actuation, values=None)))
     assert not {(p.friction, p.kind) for p in found.friction} & {(p.friction, p.kind) for p in again.friction}
-
-
-@pytest.mark.parametrize(("scatter", "gained"), [(0.02, True), (2.0, False)])
-def test_a_gain_counts_on_whatever_axis_it_is_and_beyond_the_scatter_of_blocks(scatter, gained):
-    rng, before = np.random.default_rng(0), np.ones((5, 3))
-    after = before * np.exp(scatter * rng.normal(size=(5, 1)) * [0.0, 1.0, 0.0])
-    after[:, 2] *= 0.8  # of another axis than the one whose blocks differ
-    assert (_gain(before, after, least=0.02) > 0.0) == gained
-    assert _gain(before, before, least=0.0) <= 0.0

@@ -63,7 +63,7 @@ def test_smooth_torques_are_identified_exactly():
 def test_standard_deviations_cover_the_true_parameters():
     # not drawn to the file's masses, which are the true ones
     result = identify([recorded(ARM, 2, noise=1.0)], ARM, replace(PLAIN, prior=False))
-    true = result.base.combination @ np.concatenate([link_parameters(ARM.tree), np.full(9, 0.3)])
+    true = result.base.combination @ np.concatenate([link_parameters(ARM.tree), np.full(9, 0.3), np.zeros(3)])
     beyond = np.abs(result.beta - true) / result.std
     assert np.median(beyond) < 2.0
     assert np.median(beyond) > 0.1
@@ -163,7 +163,6 @@ def test_base_parameters_alone_make_no_robot():
         ({"cutoff_hz": -1.0}, "cutoff_hz: expected a number above zero"),
         ({"blocks": float("nan")}, "blocks: expected a number above zero"),
         ({"friction": ("sticky",)}, 'friction "sticky": expected some of asymmetric'),
-        ({"order": 0}, "order: expected 1 or more"),
     ],
 )
 def test_options_that_cannot_be_meant_are_refused(options, said):
@@ -187,8 +186,8 @@ def test_masses_of_the_robots_file_stand_where_torques_leave_a_choice():
     mass, smallest = (result.robot().tree.mass for result in (found, other))
     assert_allclose(mass, ARM.tree.mass, rtol=0.1)
     assert (np.abs(smallest / ARM.tree.mass - 1.0) > 0.2).any()
-    assert found.prior_weight > 0.0
-    assert other.prior_weight is None
+    assert found.prior
+    assert not other.prior
 
 
 def test_consistent_parameters_are_those_of_bodies(consistent):
@@ -331,7 +330,7 @@ def test_joints_of_an_arm_whose_description_states_drives_have_rotors_too(tmp_pa
     assert (size(gravity_torque(result.robot(), Q7[:, 1:], LEVEL) - expected) < 0.05).all()
 
 
-@pytest.mark.parametrize(("name", "hidden"), [("planar_3r", ("link2",)), ("two_link", ("link0", "link1"))])
+@pytest.mark.parametrize(("name", "hidden"), [("planar_3r", ("link2",)), ("two_link", ("link1",))])
 def test_a_rotor_that_the_motion_does_not_show_is_told_by_its_joint_and_the_others_are_found(name, hidden):
     arm = load_robot(name)
     rotors = tuple(MotorInertia(*row) for row in zip(arm.joint_names, np.eye(arm.n), strict=True))
@@ -346,7 +345,6 @@ def test_a_rotor_that_the_motion_does_not_show_is_told_by_its_joint_and_the_othe
     assert result.unshown == hidden
     [note] = [note for note in workflow_notes(arm, result) if "not shown by the motion" in note]
     assert ", ".join(hidden) in note
-    assert not any("predicted no better" in note for note in workflow_notes(arm, result))
     assert all(rotor.inertia == pytest.approx(0.5, rel=0.1) for rotor in result.rotors if rotor.error is not None)
 
 

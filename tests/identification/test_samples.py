@@ -13,6 +13,7 @@ from catenary.identification.identification import identify, identify_samples
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import FrictionHistory, alternate_blocks, path_load, prepare
 from catenary.plant import MotionLog
+from catenary.robots.actuation import SignalFilter, default_actuation
 from catenary.robots.catalog import load_robot
 from catenary.robots.friction_terms import FRICTION_TERMS, dahl_path
 from catenary.sensing.vector import tilted_gravity
@@ -56,11 +57,9 @@ def test_as_much_time_is_cut_at_any_rate_and_what_is_left_is_as_true(rate):
 @pytest.mark.parametrize("order", [1, 2, 4, 8])
 @pytest.mark.parametrize("rate", [100.0, 5000.0])
 def test_what_is_left_of_a_recording_hardly_knows_what_came_before_it(order, rate):
-    options, long = replace(FULL, order=order), log(rate=rate, seconds=12.0)
-    whole, part = (
-        prepare(long, ARM, options),
-        prepare(thinned(long, (long.time > 4.0) & (long.time < 8.0)), ARM, options),
-    )
+    filtered = replace(default_actuation(ARM.joint_names), filter=SignalFilter(order=order, cutoff_hz=10.0))
+    arm, long = replace(ARM, actuation=filtered), log(rate=rate, seconds=12.0)
+    whole, part = (prepare(long, arm, FULL), prepare(thinned(long, (long.time > 4.0) & (long.time < 8.0)), arm, FULL))
     same = np.searchsorted(whole.time, part.time - 1e-6)
     for key in ("q", "qd", "tau"):
         off = getattr(whole, key)[same] - getattr(part, key)

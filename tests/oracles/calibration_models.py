@@ -7,36 +7,32 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
-from catenary.calibration.expansion import Expansion, Terms
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.friction_states import FrictionStates
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
-from catenary.calibration.predictors import Activation, Constant, Linear, Network, Predictor, Quadratic
+from catenary.calibration.predictors import Activation, Expansion, Leverage, Network, Predictor, linear
+from catenary.calibration.terms import Terms
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.plant import MotionLog
 from catenary.transmission.cable_friction import coupled_friction
 
-PREDICTORS = ("constant", "linear", "quadratic", "tanh", "logistic", "tanh, skip", "logistic, skip", "expansion")
+PREDICTORS = ("constant", "linear", "quadratic", "tanh", "logistic", "expansion")
 MIXED = "each joint its own"  # as those of model auto, which files may hold
 
 
 def random_predictor(name: str, inputs: int, outputs: int, rng: np.random.Generator) -> Predictor:
     """Draw a predictor of one of PREDICTORS."""
     n = rng.normal
-    if name == "constant":
-        return Constant(n(size=outputs))
-    linear = Linear(n(size=(inputs, outputs)), n(size=outputs))
-    if name == "linear":
-        return linear
-    mean, scale = n(size=inputs), np.exp(0.3 * n(size=inputs))
+    if name in ("constant", "linear"):
+        return linear((name == "linear") * n(size=(inputs, outputs)), n(size=outputs))
     if name == "quadratic":
-        pairs = inputs * (inputs + 1) // 2
-        return Quadratic(mean, scale, linear.weights, n(size=(pairs, outputs)), linear.bias)
+        pairs = np.column_stack(np.triu_indices(inputs))
+        terms = Terms.plain(n(size=inputs), np.exp(0.3 * n(size=inputs)), pairs)
+        return Expansion(terms, n(size=(len(terms), outputs)), n(size=outputs))
     if name == "expansion":
         return random_expansion(inputs, outputs, rng)
-    activation: Activation = "tanh" if name.startswith("tanh") else "logistic"
     hidden = tuple(int(width) for width in rng.integers(1, 20, size=rng.integers(0, 4)))
-    return random_network((inputs, *hidden, outputs), activation, rng, linear if "skip" in name else None)
+    return random_network((inputs, *hidden, outputs), "tanh" if name == "tanh" else "logistic", rng)
 
 
 def random_expansion(inputs: int, outputs: int, rng: np.random.Generator) -> Expansion:
@@ -45,9 +41,9 @@ def random_expansion(inputs: int, outputs: int, rng: np.random.Generator) -> Exp
     pairs = rng.integers(0, inputs, (3, 2)) if inputs else np.zeros((0, 2), dtype=np.int64)
     scale, limit = np.exp(0.3 * n(size=inputs)), rng.uniform(0.5, 1.9, inputs)
     terms = Terms(n(size=inputs), scale, limit, every[::2], every[::4], every[1::2], pairs)
-    sketch = 0.3 * n(size=(len(terms), 5)), n(size=5), 1.0, rng.uniform(0.0, 2.0, outputs)
+    sketch = 0.3 * n(size=(len(terms), 5)), n(size=5), 1.0, rng.uniform(0.0, 2.0, outputs), np.ones(outputs)
     weights = n(size=(len(terms), outputs)), n(size=outputs)
-    return Expansion(terms, *weights, np.ones((outputs, 9)), np.ones(outputs), *sketch)
+    return Expansion(terms, *weights, leverage=Leverage(*sketch))
 
 
 def expanded(terms: Terms, X: Floats) -> Floats:
@@ -66,9 +62,7 @@ def expanded(terms: Terms, X: Floats) -> Floats:
     return np.hstack(columns)
 
 
-def random_network(
-    widths: tuple[int, ...], activation: Activation, rng: np.random.Generator, skip: Linear | None = None
-) -> Network:
+def random_network(widths: tuple[int, ...], activation: Activation, rng: np.random.Generator) -> Network:
     """Draw a network with layers of the given widths, the inputs' first."""
     n = rng.normal
     return Network(
@@ -79,28 +73,19 @@ def random_network(
         activation=activation,
         out_mean=n(size=widths[-1]),
         out_scale=np.exp(n(size=widths[-1])),
-        skip=skip,
     )
 
 
 def predicted(predictor: Predictor, X: Floats) -> Floats:
     """Give a predictor's outputs (N, m) by matrix products and the C library's functions."""
-    if isinstance(predictor, Constant):
-        return np.tile(predictor.value, (len(X), 1))
     if isinstance(predictor, Expansion):
         return expanded(predictor.terms, X) @ predictor.weights + predictor.bias
-    if isinstance(predictor, Linear):
-        return X @ predictor.weights + predictor.bias
-    assert isinstance(predictor, Quadratic | Network)
+    assert isinstance(predictor, Network)
     Z = (X - predictor.mean) / predictor.scale
-    if isinstance(predictor, Quadratic):
-        i, j = np.triu_indices(Z.shape[1])
-        return Z @ predictor.linear + (Z[:, i] * Z[:, j]) @ predictor.quadratic + predictor.bias
     for W, b in zip(predictor.weights[:-1], predictor.biases[:-1], strict=True):
         Z = Z @ W + b
         Z = np.tanh(Z) if predictor.activation == "tanh" else 1.0 / (1.0 + np.exp(-Z))
-    out = (Z @ predictor.weights[-1] + predictor.biases[-1]) * predictor.out_scale + predictor.out_mean
-    return out if predictor.skip is None else out + predicted(predictor.skip, X)
+    return (Z @ predictor.weights[-1] + predictor.biases[-1]) * predictor.out_scale + predictor.out_mean
 
 
 def random_model(
@@ -147,7 +132,7 @@ def random_model(
         own = [s for s in features.signals if kind == MIXED or any(s.endswith(f":j{j}") for j in group)]
         columns, margin, of_group = features.columns_of(own), 0.1, kind
         if kind == MIXED:
-            of_group, margin = PREDICTORS[-1 - 2 * group[0]], 0.1 * (1 + group[0])
+            of_group, margin = PREDICTORS[-1 - group[0]], 0.1 * (1 + group[0])
             columns = columns[group[0] :: 1 + group[0]]
         watched = columns[~features.bounded[columns]]
         predictor = random_predictor(of_group, len(columns), len(group), rng)

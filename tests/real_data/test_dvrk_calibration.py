@@ -119,7 +119,7 @@ def test_no_motion_of_the_arm_is_a_leap(path: Path, held_out: float) -> None:
     options = FitOptions()
     features = choose_inputs(Recordings.of([log]), options, held_out=held_out).features
     assert features.steps
-    X, _, leaps, _ = features.rows(log)
+    X, _, leaps = features.rows(log)
     assert not any(leaps.values())
     assert_array_equal(X, replace(features, steps=(), period=None).matrix(log))
 

@@ -46,7 +46,7 @@ def load(tmp_path):
 def test_a_table_says_what_loads_the_joints(load):
     actuation = load(
         '[actuation]\nweighting = "residual"\ncoulomb_velocity = 0.02\neffort_scale = [1, -2]\n'
-        "[actuation.filter]\norder = 6\ncutoff_hz = 5\ncut_time_constants = 2.0\nperiod_samples = 100\n"
+        "[actuation.filter]\norder = 6\ncutoff_hz = 5\ncut_time_constants = 2.0\n"
         + FRICTION
         + '[[actuation.motor_inertia]]\nname = "m"\non = { motor = 1 }\n'
         '[[actuation.spring]]\nname = "s"\non = { a = -1 }\n'
@@ -60,7 +60,7 @@ def test_a_table_says_what_loads_the_joints(load):
     assert actuation.springs[0].lever is not None
     assert_allclose(actuation.springs[0].lever.angle, np.pi)
     assert_array_equal(actuation.known_torques[0].along, [0, 3])
-    assert (actuation.filter.order, actuation.filter.period_samples) == (6, 100)
+    assert (actuation.filter.order, actuation.filter.cut_time_constants) == (6, 2.0)
     assert actuation.weighting == "residual"
     assert_array_equal(actuation.effort_scale, [1, -2])
     with pytest.raises(ValueError, match="read-only"):

@@ -28,6 +28,7 @@ from tests.truth.imports import imports
 from tests.truth.recordings import Known, data_folder, dvrk, raven, real, simulated
 from tests.truth.spoilings import NOTHING, SPOILINGS, late
 from tests.truth.torques import payloads, torques
+from tests.truth.two_computers import two_computers
 from tests.verdict.test_check import TOGETHER
 from tests.verdict.test_delay import periodic_arm
 
@@ -57,6 +58,7 @@ def outcomes(only: str) -> Iterator[Outcome]:
         yield from (clocked(clock, folder) for clock in CLOCKS if re.search(only, f"clock: {clock}"))
         if re.search(only, "refresh"):
             yield from refreshes(folder)
+        yield from two_computers(only, folder)
         yield from torques(only)
         yield from payloads(only)
         yield from unlike_others(only, folder)

@@ -22,6 +22,7 @@ FINDING = {
     "load": "arm", "shared drive": "arm", "gain": "torques", "common gain": "torques", "currents": "torques",
     "sign": "sign", "position sign": "sign", "backwards": "sign", "all signs": "sign", "zero": "offset",
     "no gravity": "gravity", "tilt": "gravity", "swapped": "swapped", "delay": "delay",
+    "zero leaps": "jump", "sign turns": "jump", "load changes": "jump",
 }  # fmt: skip
 
 

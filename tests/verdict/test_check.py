@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from catenary.errors import DataError, InputError
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, verdict
 from catenary.verdict.finding import judge
-from catenary.verdict.mend import Mend
+from catenary.verdict.mend import NO_MEND, Mend
 from catenary.verdict.units_and_scale import trained_findings
 from hysteretic_arm import recording
 from spoilt import (
@@ -213,6 +214,18 @@ TOGETHER = {  # what two faults or more of one recording are found to be, graves
     "turns, jump": lambda: leapt(wrapped(recording(), 3, np.pi), 3, 0.3),
     "stamps, delay": lambda: replace(late(cable_arm(), 0.3), time=1e3 * cable_arm().time),
 }
+
+
+@pytest.mark.parametrize("entry", [0.4, -0.7])
+def test_a_sum_of_commands_names_its_entries_and_the_coupling_that_parts_it(entry: float) -> None:
+    log, matrix = cable_arm(), np.eye(3)
+    matrix[1, 0] = entry
+    found = next(each for each in findings_of(replace(log, q_encoder=log.q_encoder @ matrix.T)) if each.name == "mixed")
+    told, width = map(float, found.says.split("J2/J1 ")[1].split(", ")[0].split(" +- "))
+    assert abs(told - entry) < max(2.0 * width, 0.06 * abs(entry))  # cables lose motion
+    mended = NO_MEND.and_then(found.remedy)(replace(log, q_encoder=log.q_encoder @ matrix.T))
+    assert not any(each.refuses for each in findings_of(mended))
+    assert_allclose(mended.q_encoder, log.q_encoder, atol=0.02)
 
 
 @pytest.mark.parametrize("names", TOGETHER)

@@ -46,3 +46,16 @@ def test_what_is_not_measured_or_the_wrong_way_round_is_not_told() -> None:
     log = triangles(9)
     assert np.isnan(hysteresis_of(replace(log, q_encoder=None))[0].loop)
     assert np.isnan(hysteresis_of(replace(log, q_encoder=-log.q_nominal))[0].loop)
+
+
+def test_no_loop_is_wider_than_the_errors() -> None:
+    """A potentiometer in the place of the joint: what it shows of smooth motion is its own curve."""
+    log = triangles(2, rows=600)
+    q = log.q_nominal[:, 0]
+    for seen in (
+        q + 0.02 * np.sin(9.0 * q),
+        q + 0.01 * np.sign(np.sin(40.0 * q)),
+        q + 0.02 * np.linspace(0.0, 1.0, len(q)),
+    ):
+        (found,) = hysteresis_of(replace(log, q_encoder=seen[:, None]))
+        assert not found.loop > np.rad2deg(np.ptp(seen - q)) + 1e-6

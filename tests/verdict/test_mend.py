@@ -75,6 +75,26 @@ def test_signs_scales_torques_and_stamps() -> None:
     assert np.flatnonzero(~mended.ok).tolist() == [3, 4, 10]
 
 
+def test_couplings_add_other_columns_as_recorded_and_speeds_go_with_positions() -> None:
+    log = replace(recording(), qd=recording().q_nominal)
+    matrix = np.array([[1.0, 0.3, 0.0], [-0.2, 1.1, 0.0], [0.0, 0.0, 1.0]])
+    entries = "J1/J2=0.3,J2/J1=-0.2,J2/J2=0.1"
+    mended = Mend(couple=(entries, f"q_nominal:{entries}"))(log)
+    for key in ("q_encoder", "q_nominal", "qd"):
+        assert_allclose(getattr(mended, key), getattr(log, key) @ matrix.T, rtol=1e-14)
+    assert_array_equal(mended.tau, log.tau)
+
+
+def test_a_clock_s_offset_and_rate_are_taken_out() -> None:
+    t = np.arange(2000) / 100.0
+    q = np.sin(np.outer(t, [1.0, 2.0, 3.0]))
+    log = MotionLog("run", ("J1", "J2", "J3"), ("rad", "rad", "m"), q, np.ones(2000, dtype=bool), q_encoder=q, time=t)
+    late = replace(log, q_encoder=np.sin(np.outer(t - 0.3 - 2e-3 * t, [1.0, 2.0, 3.0])))  # of the time before it grew
+    mended = Mend(clock=(f"{0.3 / (1 - 2e-3)},{1e6 * (1 / (1 - 2e-3) - 1)}",))(late)
+    assert mended.ok.mean() > 0.98
+    assert_allclose(mended.q_encoder[mended.ok], log.q_encoder[mended.ok], atol=2e-4)
+
+
 @pytest.mark.parametrize(
     ("mend", "says"),
     [
@@ -85,6 +105,9 @@ def test_signs_scales_torques_and_stamps() -> None:
         (Mend(sign=("qd:J1",)), "it has no qd"),
         (Mend(scale=("J1=0",)), "expected JOINT=FACTOR"),
         (Mend(scale=("J1",)), "expected JOINT=FACTOR"),
+        (Mend(couple=("J2=0.1",)), "no joint ''"),
+        (Mend(couple=("J2/J9=0.1",)), "no joint 'J9'"),
+        (Mend(clock=("now",)), "expected seconds and ppm"),
         (Mend(shift=40), "no row of 40 is left"),
         (Mend(time_unit="h"), "choices: s, ms"),
         (Mend(leave_out=("30:50",)), "has rows 0 to 40"),

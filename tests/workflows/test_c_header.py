@@ -13,8 +13,6 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
-from catenary.calibration.arithmetic import Step, run
-from catenary.calibration.c_source import c_correction
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card
@@ -29,6 +27,7 @@ from catenary.gravity.torque import gravity_torque
 from catenary.identification.identification import identify
 from catenary.identification.identification_file import identification_card, load_identification, save_identification
 from catenary.identification.identify_options import IdentifyOptions
+from catenary.kernels.bind import Step, run
 from catenary.robots.actuation import (
     Actuation,
     Friction,
@@ -41,7 +40,7 @@ from catenary.robots.actuation import (
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
-from catenary.workflows.c_header import c_header
+from catenary.workflows.c_header import c_correction, c_header
 from command_line import catenary, refusal
 from compiled_c import COMPILERS, LANGUAGES, output_of, prefix_of, puts
 from moving_arm import recorded
@@ -438,7 +437,7 @@ def test_c_carries_friction_states_bit_for_bit(tmp_path: Path) -> None:
         expected.append(memory.friction.ravel().copy())
     body = (
         "  double out[3];\n  int inside[3];\n  arm_state state;\n  arm_reset(&state);\n"
-        "LOOP  arm_correct(&state, r, r, out, inside);\n  for (i = 0; i < 36; ++i) PUT(state.friction[i]);\n"
+        "LOOP  arm_correct(&state, r, r, out, inside);\n  for (i = 0; i < 24; ++i) PUT(state.friction[i]);\n"
     )
     header = f"#include <math.h>\n{header}"
     assert_array_equal(output_of(header, body, rows, tmp_path, "C99"), np.array(expected))
@@ -476,7 +475,7 @@ def test_what_cannot_be_exported_is_refused_with_a_reason(tmp_path: Path) -> Non
     class Forest(type(group.predictor)):
         """A predictor that somebody added."""
 
-        def steps(self, X, Y):
+        def steps(self, X, Y, beyond=None):
             return [Step(trees, (X,), (Y,))]
 
     other = replace(model, groups=(replace(group, predictor=Forest(**vars(group.predictor))),))

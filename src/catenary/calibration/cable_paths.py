@@ -33,9 +33,7 @@ def find_cables(recordings: Recordings, options: FitOptions, *, held_out: float 
         moving = {name for name, _ in rows.signals.play}
         joints = [j for j, name in enumerate(rows.joint_names) if f"q:{name}" in moving]
         found = [_Search(rows, j, joints).found() for j in joints]
-    return FoundCables(
-        tuple(path for each in found for path in each.paths), tuple(slack for each in found for slack in each.slacks)
-    )
+    return FoundCables(sum((each.paths for each in found), ()), sum((each.slacks for each in found), ()))
 
 
 class _Search:
@@ -47,7 +45,7 @@ class _Search:
         own = rows.fixed[:, rows.signals.names.index(f"q:{rows.joint_names[joint]}")]
         z = (own - own.mean()) / own.std()
         beside = np.column_stack([rows.fixed[:, rows.columns([joint])], *(z**power for power in _POWERS)])
-        self._sums = SumsBeside(beside, rows.error[:, joint], rows.block)
+        self._sums = SumsBeside(beside, rows.error[:, [joint]], rows.block)
         self._before = self._errors(0, 0.0, PLAY_SHARES)
 
     def found(self) -> FoundCables:

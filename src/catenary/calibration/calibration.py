@@ -10,7 +10,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, TypedDict, TypeVar, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,7 +37,6 @@ from catenary.verdict.finding import Finding
 from catenary.verdict.mend import AS_TRAINED
 
 Recording = MotionLog | str | Path
-Item = TypeVar("Item")
 _ARRAYS_NAME = "arrays"  # what the log of these is called
 _log = logging.getLogger(__name__)
 Motion = ArrayLike | Recording | Sequence[Recording]
@@ -95,16 +94,11 @@ class Calibration(CalibrationModel):
         """Return errors before and after the model, on data that it should not have seen.
 
         Data with which something is wrong, such as other units, are refused: errors on them are no fault of the model.
-        Other arguments are those of `predict` and `fit`.
+        Other arguments, and errors, are those of `predict` and `fit`.
 
         Args:
             q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
             window: Length of a time window [s]; a tenth of the data when None.
-
-        Raises:
-            DataError: Something is wrong with the data; the message says what, how to fix it, and how to accept it.
-            InputError: As for `predict`, or nothing was measured.
-            FileFormatError: A recording is missing or damaged.
         """
         recordings = self._recordings(q_nominal, q_encoder, **arrays)
         data = usable_rows(recordings, self.features)
@@ -121,12 +115,7 @@ class Calibration(CalibrationModel):
     ) -> Calibration:
         """Return the model brought up to date with minutes of a new day; its card says what moved.
 
-        Arguments are those of `evaluate`.
-
-        Raises:
-            DataError: As for `evaluate`, or there is too little to learn from.
-            InputError: As for `evaluate`, too few rows, or the model has learnt from the recording before.
-            FileFormatError: A recording is missing or damaged.
+        Arguments are those of `evaluate`, and errors; InputError too where the model has learnt from the recording.
         """
         day = refresh_with(self, self.card, self._recordings(q_nominal, q_encoder, **arrays), accept=accept)
         return _with_card(day.model, day.card)
@@ -136,7 +125,6 @@ class Calibration(CalibrationModel):
         return Corrector(self, rate_hz=rate_hz)
 
     def _recordings(self, motion: Motion, q_encoder: ArrayLike | None, **arrays: Unpack[MotionArrays]) -> Recordings:
-        """Return recordings of a test, with the error limits of the model's fit."""
         logs = self._logs(motion, q_encoder, **arrays)
         return Recordings.of(logs, robot=self.card.get("robot"), max_error=trained_limits(self.card)[0])
 
@@ -152,20 +140,12 @@ class Calibration(CalibrationModel):
         return [self.matched(log) for log in logs]
 
     def save(self, path: str | Path) -> None:
-        """Write the model to a file (.npz), and a readable copy of its card next to it.
-
-        Raises:
-            FileFormatError: The file cannot be written.
-        """
+        """Write the model to a file (.npz), and a readable copy of its card next to it; or FileFormatError."""
         save_model(self, self.card, Path(path))
 
 
 def load_model(path: str | Path) -> Calibration:
-    """Read a calibration model that `Calibration.save` or `catenary fit` wrote.
-
-    Raises:
-        FileFormatError: No such file, not a model, of another version, or damaged.
-    """
+    """Read a calibration model that `Calibration.save` or `catenary fit` wrote; FileFormatError if it is none."""
     model, card = read_model(Path(path))
     return _with_card(model, card)
 
@@ -225,8 +205,10 @@ def fit(
         FileFormatError: A recording is missing or damaged.
     """
     logs = _logs(q_nominal, joint_names, units, q_encoder, **arrays)
-    options = FitOptions(model, preset, inputs, _tuple(play), target, ridge, seed, _tuple(coupled))
-    run = FitRun(robot, _tuple(max_error), held_out, folds, tuple(accept), coverage)
+    shares, limits = (None if each is None else tuple(each) for each in (play, max_error))
+    pair = None if coupled is None else tuple(coupled)
+    options = FitOptions(model, preset, inputs, shares, target, ridge, seed, pair)
+    run = FitRun(robot, limits, held_out, folds, tuple(accept), coverage)
     result = fit_logs(logs, options, run, progress=progress)
     return _with_card(result.model, result.card)
 
@@ -247,9 +229,6 @@ def check_data(
     Returns:
         Findings; `fit` refuses those whose `refuses` is true, unless their `name` is accepted.
 
-    Raises:
-        InputError: Arrays that do not fit together.
-        FileFormatError: A recording is missing or damaged.
     """
     logs = _logs(q_nominal, joint_names, units, q_encoder, **arrays)
     model = robot_of(logs, robot)
@@ -281,10 +260,6 @@ def refresh(
     """Return a model brought up to date with minutes of a new day: `Calibration.refresh`, also of a model's file."""
     loaded = model if isinstance(model, Calibration) else load_model(model)
     return loaded.refresh(q_nominal, q_encoder, accept=accept, **arrays)
-
-
-def _tuple(values: Sequence[Item] | None) -> tuple[Item, ...] | None:
-    return None if values is None else tuple(values)
 
 
 def _with_card(model: CalibrationModel, card: Card) -> Calibration:

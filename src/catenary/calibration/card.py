@@ -14,7 +14,7 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import extrapolation
 from catenary.calibration.intervals import MAX_HALF_RANGES
 from catenary.calibration.model import MAX_CORRECTION_RATIO, CalibrationModel, Card
-from catenary.calibration.model_kinds import LEARNED, ModelKind, kind_of
+from catenary.calibration.model_kinds import ModelKind, kind_of
 from catenary.units import DISPLAY
 
 _ARM_KEYS = ("instrument", "tool", "date")  # that a run states, and no option of the fit
@@ -104,18 +104,12 @@ def _joints(model: CalibrationModel, kind: ModelKind) -> list[dict[str, Any]]:
 
 def _inputs(model: CalibrationModel, X: Floats) -> list[dict[str, Any]]:
     """Return each feature's unit, its mean and deviation over rows (N, F), and where it is valid."""
-    ranges, columns = valid_inputs(model), zip(X.mean(axis=0).tolist(), X.std(axis=0).tolist(), strict=True)
+    ranges, names = valid_inputs(model), model.features.names
+    columns = zip(names, model.features.feature_units, X.mean(axis=0).tolist(), X.std(axis=0).tolist(), strict=True)
     return [
-        {
-            "name": name,
-            "unit": unit,
-            "training_mean": mean,
-            "training_sd": deviation,
-            **({"valid": ranges[name]} if name in ranges else {}),
-        }
-        for name, unit, (mean, deviation) in zip(
-            model.features.names, model.features.feature_units, columns, strict=True
-        )
+        {"name": name, "unit": unit, "training_mean": mean, "training_sd": deviation}
+        | ({"valid": ranges[name]} if name in ranges else {})
+        for name, unit, mean, deviation in columns
     ]
 
 
@@ -126,9 +120,8 @@ def _intervals(model: CalibrationModel) -> dict[str, Any] | None:
     return {
         "coverage": model.intervals.level,
         "how": "hierarchical conformal prediction on blocks of time, from the errors of the cross-validation",
-        "margin": "half_width where training rows lay, growing with the leverage of a row, then to half_width_outside"
-        if model.kind == LEARNED
-        else "half_width where training rows lay, growing to half_width_outside halfway from them to the edge",
+        "margin": "half_width where training rows lay, of regressions growing with the leverage of a row; to "
+        "half_width_outside at the edge, of the papers' models halfway from the rows to it",
         "outside": "half_width_outside, times how many times farther from the middle of the valid range's box a "
         f"watched input is than its edge, at most {MAX_HALF_RANGES:g}",
     }

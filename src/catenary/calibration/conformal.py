@@ -7,10 +7,9 @@ blocks nearly are. The half-width is that of hierarchical conformal prediction (
 2306.06342; Dunn, Wasserman and Ramdas, JASA 118, 2023): the quantile of the scores in which each of K blocks weighs
 1 / (K + 1), shared by its rows, and 1 / (K + 1) lies at infinity, for the block to come.
 
-Were blocks exchangeable and the model that of the scores, a row of a new block would lie within the half-width with at
-least the stated probability. But arms drift, blocks must be long beside their memory (Oliveira et al., JMLR 25, 2024,
-bound what dependence costs), the final model is fitted to all blocks, and it is a statement on all rows together, not
-on each pose. One stretch holds more or less: `expected` states between what, as blocks of the cross-validation vary.
+A row of a new block would lie within it with at least the stated probability, were blocks exchangeable: but arms drift,
+blocks must be long beside their memory (Oliveira et al., JMLR 25, 2024), and the final model is fitted to all. It is a
+statement on all rows together, not on each pose. One stretch holds more or less: `expected` states between what.
 """
 
 import math
@@ -24,14 +23,12 @@ from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread
 from catenary.calibration.intervals import Intervals, check_level
 
-# blocks' worth of errors that may lie outside: the block to come then adds a fifth to what is left free
-_BLOCKS_OUTSIDE = 5
+_BLOCKS_OUTSIDE = 5  # worth of errors that may lie outside: the block to come then adds a fifth to what is free
 _MIN_BLOCKS = 10
 _MIN_BLOCK_ROWS = 4  # of a block
 _CHANCE_PROBABILITY = 0.05  # a coverage that is less likely than this under the stated one is not laid to chance
 _STRETCH_PROBABILITY = 0.9  # share of stretches whose error and coverage lie between what is stated
-# of other minutes, whose RMSE lies in what is stated; a day varies more than some minutes of it show
-_PROMISE_PROBABILITY = 0.95
+_PROMISE_PROBABILITY = 0.95  # of other minutes of a day, whose RMSE lies in what is stated
 _MAX_LOG_ERROR = math.log(10.0)  # of a promise: nothing is known
 _FITTED_WEIGHT = 0.368  # weight of the error on the rows that were fitted to, in the .632 estimate
 COVERAGE_LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85 % of 90 %
@@ -40,19 +37,14 @@ Verdict = Literal["held", "below, which may be chance", "too narrow"]
 
 
 def estimate_intervals(
-    errors: CrossValidation, *, level: float = 0.9, off_path: Floats | float = 0.0, growth: Floats | float = 1.0
+    errors: CrossValidation, *, level: float = 0.9, growth: Floats | float = 1.0
 ) -> Intervals | None:
     """Return half-widths for a model from the errors of its cross-validation; None where there are too few rows.
 
     Inside the valid range they are of rows inside the ranges of the folds' models; outside, and where hardly a block
     has rows inside, of the fixed offset on all rows. Errors count over the `growth` (N, n) of the model's intervals.
-    What a model may be wrong by off its path, RMS `off_path` (n,) [rad|m], widens them, as an error of normal
-    distribution that depends on no other.
     """
-    from scipy.stats import norm
-
     check_level(level)
-    more = float(norm.ppf(0.5 + 0.5 * level)) * np.broadcast_to(off_path, errors.after_model.shape[1])
     block = time_blocks(errors.recording, level=level)
     inside, outside = [], []
     grown = np.abs(errors.after_model) / growth
@@ -64,7 +56,7 @@ def estimate_intervals(
             return None
         near = near if math.isfinite(near) else far
         outside.append(max(near, far))
-        inside.append(min(math.hypot(near, more[j]), outside[-1]))
+        inside.append(near)
     return Intervals(level, np.array(inside), np.array(outside))
 
 
@@ -75,8 +67,7 @@ def expected(
     fitted: Floats,  # (N, n) errors of the model on the rows that it was fitted to [rad|m]
     intervals: Intervals | None,  # whose coverage is to be stated; none without
     widening: Floats | float = 1.0,  # (n,) times as large as on the blocks is an error where joints meet otherwise
-    off_path: Floats | float = 0.0,  # (n,) as for `estimate_intervals`, in the unit of the spread
-    growth: Floats | float = 1.0,  # (N, n) the same
+    growth: Floats | float = 1.0,  # (N, n) as for `estimate_intervals`
 ) -> tuple[Spread, ...]:
     """Return the spread over blocks with what it lets expect of another stretch as long as the data.
 
@@ -95,20 +86,18 @@ def expected(
     times = math.exp(apart * math.sqrt(rmse.var(axis=0, ddof=1).mean()))
     known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(rmse.mean(axis=0))
     mean, offset = (np.array([getattr(s, name) for s in spread]) for name in ("rmse_mean", "offset_rmse_mean"))
-    high = np.hypot(mean * times * widening, off_path)
-    stated: dict[str, Floats] = {
-        "rmse_low": mean * np.minimum(1.0 / times, _FITTED_WEIGHT * np.minimum(known, 1.0) + 1.0 - _FITTED_WEIGHT),
-        "rmse_high": high,
-        "rmse_margin": np.maximum(high, offset),
-    }
+    fitted_share = _FITTED_WEIGHT * np.minimum(known, 1.0) + 1.0 - _FITTED_WEIGHT
+    low, high = mean * np.minimum(1.0 / times, fitted_share), mean * times * widening
+    names = ["rmse_low", "rmse_high", "rmse_margin"]
+    stated: list[Floats] = [low, high, np.maximum(high, offset)]
     if intervals is not None:
         held = np.abs(errors.after_model) <= np.where(errors.inside, growth * intervals.inside, intervals.outside)
         shares = np.array([held[part].mean(axis=0) for part in parts])
-        off = apart * math.sqrt(shares.var(axis=0, ddof=1).mean())
-        stated["held_low"] = np.maximum(shares.mean(axis=0) - off, 0.0)
-        stated["held_high"] = np.minimum(shares.mean(axis=0) + off, 1.0)
-    of_joints: list[dict[str, Any]] = [{name: float(v[j]) for name, v in stated.items()} for j in range(len(spread))]
-    return tuple(replace(joint, **found) for joint, found in zip(spread, of_joints, strict=True))
+        off, share = apart * math.sqrt(shares.var(axis=0, ddof=1).mean()), shares.mean(axis=0)
+        names += ["held_low", "held_high"]
+        stated += [np.maximum(share - off, 0.0), np.minimum(share + off, 1.0)]
+    of_joints: list[list[Any]] = np.array(stated).T.tolist()
+    return tuple(replace(s, **dict(zip(names, found, strict=True))) for s, found in zip(spread, of_joints, strict=True))
 
 
 def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
@@ -171,10 +160,8 @@ def time_blocks(recording: Integers, *, level: float) -> Integers:
 
 def coverage_verdicts(evaluation: Evaluation) -> tuple[Verdict, ...]:
     """Return in words, per joint, whether a model's intervals hold; none for a model without."""
-    if evaluation.level is None:
-        return ()
     recording, level = evaluation.data.recording, evaluation.level
-    return tuple(coverage_verdict(held, recording, level) for held in evaluation.held.T)
+    return () if level is None else tuple(coverage_verdict(held, recording, level) for held in evaluation.held.T)
 
 
 def coverage_verdict(held: Flags, recording: Integers, level: float) -> Verdict:

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Flags, Floats
-from catenary.calibration.arithmetic import bound
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
+from catenary.kernels.bind import bound
 from catenary.plant import UNUSED_CHANNEL, Joints, JointState, places_of
 
 _STATE_GROUPS = ("q", "qd", "tau")  # of a joint state, one after the other
@@ -77,14 +77,11 @@ class Corrector:
     def _require_shapes(
         self, q: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None
     ) -> None:
-        shapes = (np.shape(q), np.shape(signals), out.shape, inside.shape)
-        if shapes != self._shapes or (interval is not None and interval.shape != out.shape):
-            (n,), (inputs,), *_ = self._shapes
-            got = shapes if interval is None else (*shapes, interval.shape)
-            raise InputError(
-                f"corrector: expected q_nominal ({n},), signals ({inputs},), out ({n},), inside ({n},), "
-                f"interval ({n},) or none, got {', '.join(map(str, got))}"
-            )
+        found = tuple(np.shape(each) for each in (q, signals, out, inside, interval) if each is not None)
+        names = ("q_nominal", "signals", "out", "inside", "interval")
+        if found != (*self._shapes, out.shape)[: len(found)]:
+            expected = ", ".join(map("{} {}".format, names, (*self._shapes, self._shapes[2])))
+            raise InputError(f"corrector: expected {expected} or none, got {', '.join(map(str, found))}")
 
     def correct(
         self, q_nominal: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None = None

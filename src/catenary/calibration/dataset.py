@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.arrays import Flags, Floats, Integers, as_array, spread
+from catenary.arrays import Flags, Floats, Integers, spread
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
@@ -17,7 +17,6 @@ from catenary.plant import FIRST_DATE_S, Jointed, MotionLog, joints_text
 from catenary.side_by_side import Progress, of_each
 
 _LAST_DATE_S = 1e10  # [s since 1970]
-_LARGEST_SHARE = 0.8  # that one of several recordings may hold: without it there must be others to learn from
 _ROWS = ("X", "q_nominal", "error", "leaping", "position", "time")  # arrays that have a row for each usable one
 
 
@@ -33,7 +32,6 @@ class TrainingSource:
     simulated: bool
     leaps: Mapping[str, int] = field(default_factory=dict)  # by signal, those that play states did not follow
     beyond: Mapping[str, int] = field(default_factory=dict)  # by joint, rows dropped for its error
-    another: int = 0  # rows of another motion than the features' steps
     marks: tuple[str, ...] = ()  # hashes of some rows, as of `MotionLog.marks`
     poses: tuple[tuple[float, ...], ...] = ()  # as of `MotionLog.poses`
 
@@ -60,11 +58,6 @@ class CalibrationData:
 
     def __len__(self) -> int:
         return len(self.X)
-
-    @property
-    def places(self) -> Floats:
-        """Where each row lies, (N,): the number of its recording, and how far into it."""
-        return np.asarray(self.recording + self.position)
 
     @property
     def dates(self) -> tuple[str | None, str | None]:
@@ -95,20 +88,13 @@ class CalibrationData:
             raise InputError(f"held-out share {held_out}: leaves no rows on one side of {len(self)}")
         return self.rows(~late), self.rows(late)
 
-    def blocks(self, count: int, *, recordings: bool = False) -> Integers:
-        """Return each row's block of `count`, (N,): parts of its recording, or whole ones where several."""
-        if recordings and self.has_several:
-            return np.unique(self.recording, return_inverse=True)[1] % count
+    def blocks(self, count: int) -> Integers:
+        """Return each row's block of `count`, (N,): parts of its recording."""
         block = np.zeros(len(self), dtype=np.int64)
         for number in range(len(self.sources)):
             rows = np.flatnonzero(self.recording == number)
             block[rows] = np.arange(len(rows)) * count // max(1, len(rows))
         return block
-
-    @property
-    def has_several(self) -> bool:
-        """Whether without any one of its recordings there are others to learn from."""
-        return bool(np.bincount(self.recording).max() <= _LARGEST_SHARE * len(self))
 
 
 def date_of(seconds: float) -> str | None:
@@ -119,17 +105,8 @@ def date_of(seconds: float) -> str | None:
 def calibration_data(
     logs: Sequence[MotionLog], features: FeatureSet, *, max_error: Floats | None = None, every: int = 1
 ) -> CalibrationData:
-    """Collect the usable rows of recordings of one robot; see `usable_rows`.
-
-    Args:
-        max_error: Rows where any joint's error is beyond these (n,) [rad|m] are left out and counted.
-    """
-    recordings = Recordings.of(logs)
-    if max_error is not None:
-        max_error = as_array("max_error", max_error, (len(recordings.logs[0].joint_names),), finite=False)
-        if not (max_error > 0.0).all():
-            raise InputError(f"max_error: expected positive limits, got {max_error.tolist()}")
-    return usable_rows(replace(recordings, max_error=max_error), features, every=every)
+    """Collect the usable rows of recordings of one robot with errors within limits (n,) [rad|m]; see `usable_rows`."""
+    return usable_rows(replace(Recordings.of(logs), max_error=max_error), features, every=every)
 
 
 def usable_rows(recordings: Recordings, features: FeatureSet, *, every: int = 1) -> CalibrationData:
@@ -149,11 +126,9 @@ def usable_rows(recordings: Recordings, features: FeatureSet, *, every: int = 1)
         recording=recording, sources=sources, has_time=has_time, robot=robot, every=every, began=began,
     )  # fmt: skip
     if not len(data):
-        told = [
-            f'"{s.name}" ({s.rows} rows, {s.without_truth} without measurement, {s.dropped} beyond the error limit)'
-            for s in sources
-        ]
-        raise InputError(f"data: no usable row in {'; '.join(told)}")
+        what = "rows, {0.without_truth} without measurement, {0.dropped} beyond the error limit)"
+        told = "; ".join(f'"{{0.name}}" ({{0.rows}} {what}'.format(source) for source in sources)
+        raise InputError(f"data: no usable row in {told}")
     return data
 
 
@@ -164,7 +139,7 @@ def _usable_rows(
     if log.q_encoder is None:
         raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
     index = spread(len(log), -(-len(log) // every))
-    X, leaping, spikes, another = features.rows(log, None if every == 1 else index)
+    X, leaping, spikes = features.rows(log, None if every == 1 else index)
     q, ok = log.q_nominal[index], log.ok[index]
     error = log.q_encoder[index] - q
     far = np.zeros(error.shape, dtype=bool)
@@ -179,16 +154,10 @@ def _usable_rows(
         dropped=int((ok & ~inside).sum()),
         simulated=log.simulated,
         leaps={name: count for name, count in spikes.items() if count},
-        another=another,
         beyond={n: int(k) for n, k in zip(log.joint_names, far.sum(axis=0), strict=True) if k},
     )
     time = log.time[index] if has_time and log.time is not None else index.astype(np.float64)
     return tuple(each[ok & inside] for each in (X, q, error, leaping, index / len(log), time)), source
-
-
-def counted(counts: Mapping[str, int]) -> str:
-    """Return names and their counts in words."""
-    return ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
 def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
@@ -198,12 +167,11 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
         count = sum(len(log) for log in logs)
         notes.append(f"of {count:,} rows one in {data.every} is learnt from; memory follows them all")
     for source in data.sources:
-        beyond = f"beyond the error limit ({counted(source.beyond)})"
+        beyond, leaps = (", ".join(map("{0[0]} {0[1]}".format, each.items())) for each in (source.beyond, source.leaps))
+        beyond = f"beyond the error limit ({beyond})"
         left_out = {"without measurement": source.without_truth, beyond: source.dropped}
         if text := ", ".join(f"{count} {why}" for why, count in left_out.items() if count):
             notes.append(f"{source.name}: left out {text}, of {source.rows} rows")
         if source.leaps:
-            notes.append(f"{source.name}: play states did not follow leaps of {counted(source.leaps)}")
-        if source.another:
-            notes.append(f"{source.name}: {source.another} rows are of a faster motion than training's")
+            notes.append(f"{source.name}: play states did not follow leaps of {leaps}")
     return notes

@@ -109,8 +109,7 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     rmse = np.array([_rmse_per_joint(each) for each in shown])
     largest = np.array([np.abs(each).max(axis=0) for each in shown])
     percent = 100.0 * np.divide(rmse[2], rmse[1], where=rmse[1] > 0.0, out=np.full(len(scale), np.nan))
-    without = model.intervals is None
-    coverage = np.where(without, np.nan, np.mean(np.abs(corrected) <= interval, axis=0))
+    coverage = np.where(model.intervals is None, np.nan, np.mean(np.abs(corrected) <= interval, axis=0))
     half_width = scale * np.median(interval, axis=0)
     columns = np.vstack([rmse, largest, percent, np.mean(~inside, axis=0), coverage, half_width]).T.tolist()
     joints = tuple(
@@ -160,13 +159,12 @@ def cross_validate(
     fit: Callable[[CalibrationData, Progress], CalibrationModel],
     *,
     folds: int,  # at least 2
-    recordings: bool = False,  # leave out whole recordings where there are several
     progress: Progress = silent,
 ) -> CrossValidation:
     """Return errors on blocks (`CalibrationData.blocks`), each left out of the fit in turn; rows are never shuffled."""
     if folds < 2 or folds > len(data):
         raise InputError(f"folds: expected 2 to {len(data)} (the usable rows), got {folds}")
-    block = data.blocks(folds, recordings=recordings)
+    block = data.blocks(folds)
     present = [k for k in range(folds) if (block == k).any()]
     if len(present) < 2:
         raise InputError(f"folds: {folds} blocks leave no rows to fit to, {len(data)} rows in all")
@@ -195,15 +193,15 @@ def _windows(data: CalibrationData, errors: tuple[Floats, ...], window: float | 
         rows = np.flatnonzero(data.recording == number)
         # where a recording's clock went back, another one begins
         parts = np.split(rows, np.flatnonzero(np.diff(data.time[rows]) < 0.0) + 1)
-        several = len(parts) > 1
-        spans += [(f"{source.name} ({k + 1})" if several else source.name, p) for k, p in enumerate(parts) if len(p)]
-    # n rows take n steps, but n - 1 intervals of time, whose last window holds its end too
-    durations = [float(data.time[rows[-1]] - data.time[rows[0]]) + (0.0 if data.has_time else 1.0) for _, rows in spans]
+        names = [f"{source.name} ({k + 1})" if len(parts) > 1 else source.name for k in range(len(parts))]
+        # n rows take n steps, but n - 1 intervals of time, whose last window holds its end too
+        of_rows = 0.0 if data.has_time else 1.0
+        spans += [(n, p, float(np.ptp(data.time[p])) + of_rows) for n, p in zip(names, parts, strict=True) if len(p)]
+    everything = max(sum(duration for *_, duration in spans), 1e-12)
     windows = []
-    for (name, rows), duration in zip(spans, durations, strict=True):
-        length = window
-        if length is None:  # about ten windows in all, equally long within a recording
-            length = duration / max(1, round(10.0 * duration / max(sum(durations), 1e-12))) or 1.0
+    for name, rows, duration in spans:
+        # about ten windows in all, equally long within a recording
+        length = window or duration / max(1, round(10.0 * duration / everything)) or 1.0
         start = float(data.time[rows[0]])
         index = np.floor((data.time[rows] - start) / length).astype(int)
         index = np.minimum(index, max(0, math.ceil(duration / length - 1e-9) - 1))

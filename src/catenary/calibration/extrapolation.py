@@ -3,22 +3,23 @@
 The variance of a prediction at terms z is in proportion to its leverage, z (Z'Z + penalties)^-1 z' [Bishop 2006,
 section 3.3.2], by what the noise of a row is: but neighbouring rows err alike, and terms lack what moves a joint. So
 the factor is measured: fifths of the joint's own range, regions of the joints' middles, and directions of motion are
-left out in turn, as no block of time does, and the factor is that with which nine of ten errors there lie within, the
-median of the three. What is left out so is still nearer to the rest than another motion would be: the factor counts
-_BEYOND times; and rows in which a joint stands tell of it what one of them does. The leverage that half of the rows
-have in blocks of time widens nothing. In a loop the leverage is that of a sketch: a few random combinations of what is
-uncertain, in place of all.
+left out in turn, as no block of time does, and the factor is that with which nine of ten errors lie within, the median
+of the three. Another motion is farther away: the factor counts _BEYOND times; and rows in which a joint stands tell of
+it what one of them does. The leverage that half of the rows have in blocks of time widens nothing. In a loop the
+leverage is that of a sketch: a few random combinations of what is uncertain, in place of all.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 
 from catenary.arrays import Floats, Integers, spread
-from catenary.calibration.expansion import DROPPED, Terms
 from catenary.calibration.features import FeatureSet
+from catenary.calibration.predictors import Leverage
+from catenary.calibration.terms import DROPPED, Terms
+from catenary.calibration.valid_range import standardisation
 
 _NORMAL_90 = 1.6449  # standard deviations about the mean that hold 90 % of a normal distribution
 _SKETCHES = 32
@@ -27,22 +28,8 @@ _ROWS, _ASKED_EVERY = 6_000, 5  # rows that are left out, and one in so many tha
 _LARGEST_SHARE, _MIN_LEFT_OUT = 0.6, 50  # of the rows, that a part may hold; rows
 _MET_ROWS = 1000
 _STANDING_SHARE, _LEAST_MOVING = 0.02, 0.05  # of the fastest steps; share of rows
-_EPSILON = 1e-6  # rows: a constant is hardly held
+_EPSILON, _LEAST_RIDGE = 1e-6, 1.0  # rows: a constant is hardly held
 _BEYOND, _LEAST, _MOST = 2.0, 8.0, 20.0  # of the factor; set on simulated RAVEN-IIs and drawn arms of even seeds
-
-
-class Leverage(NamedTuple):
-    """What widens intervals: see the top of the file."""
-
-    sketch: Floats  # (C + 1, K) of standardised terms and a one: the sum of squares is the leverage
-    usual: float  # leverage that widens nothing
-    factor: Floats  # (m,) of each output's error
-    widening: Floats  # (m,) times as large as where training rows lay is an error where joints meet otherwise
-
-    @classmethod
-    def none(cls, terms: int, outputs: int) -> Self:
-        """Return that of a regression whose intervals nobody asks for."""
-        return cls(np.zeros((terms + 1, 0)), 0.0, np.zeros(outputs), np.ones(outputs))
 
 
 class TrainedRows(NamedTuple):
@@ -99,6 +86,7 @@ def leverage(
     block: Integers,  # (N,) blocks of time
 ) -> Leverage:
     """Return the leverage of a regression's rows and how much it widens each output's interval."""
+    nothing = Leverage(np.zeros((len(terms), 0)), np.zeros(0), 0.0, np.zeros(len(penalties)), np.ones(len(penalties)))
 
     def standardised(X: Floats) -> Floats:
         return np.hstack([(terms.of(X) - means[0]) / means[1], np.ones((len(X), 1))])
@@ -107,7 +95,7 @@ def leverage(
     fitted = _Regression(standardised(rows.X[taken]), Y[taken], weight[taken] * len(Y) / len(taken), penalties)
     time = fitted.errors_left_out(block[taken])
     if not time:
-        return Leverage.none(len(terms), len(penalties))
+        return nothing
     scale = np.quantile(np.abs(np.vstack([errors for errors, _ in time])), 0.9, axis=0) / _NORMAL_90
     scale = np.maximum(scale, 1e-12)
     usual = float(np.median(np.concatenate([found for _, found in time])))
@@ -129,7 +117,16 @@ def leverage(
         1.0 + factor**2 * np.maximum(np.square(standardised(X) @ sketch).sum(axis=1) - usual, 0.0).mean()
         for X in (rows.X[taken], rows.met())
     )
-    return Leverage(sketch, usual, factor, np.maximum(np.sqrt(met / fitted_to), 1.0))
+    of_terms = np.ascontiguousarray(sketch[:-1] / means[1][:, None])
+    widening = np.maximum(np.sqrt(met / fitted_to), 1.0)
+    return Leverage(of_terms, sketch[-1] - means[0] @ of_terms, usual, factor, widening)
+
+
+def leverage_of(rows: TrainedRows, terms: Terms, Y: Floats, ridge: float, block: Integers) -> Leverage:
+    """Return the leverage of a regression of outputs Y (N, m) whose rows weigh alike, as all its terms do."""
+    Z, (middle, scale) = terms.of(rows.X), standardisation(Y)
+    penalties = np.full((Y.shape[1], Z.shape[1]), max(ridge, _LEAST_RIDGE))
+    return leverage(rows, terms, standardisation(Z), (Y - middle) / scale, np.ones(len(Y)), penalties, block)
 
 
 class _Regression:

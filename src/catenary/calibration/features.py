@@ -10,11 +10,11 @@ import numpy as np
 from pydantic import Field
 
 from catenary.arrays import Flags, Floats, Integers
-from catenary.calibration.arithmetic import Step, run
 from catenary.calibration.friction_states import FrictionStates, rub
-from catenary.calibration.spike_filter import ANOTHER, ANY_SIZE, AWAY, BACK, find_leaps, room_of
+from catenary.calibration.spike_filter import ANY_SIZE, find_leaps, room_of
 from catenary.config import IN_FILES
 from catenary.errors import InputError
+from catenary.kernels.bind import Step, run
 from catenary.kernels.compiled import compiled, inlined
 from catenary.plant import MotionLog
 from catenary.units import TORQUE_UNIT
@@ -31,18 +31,15 @@ class Memory(NamedTuple):
     """Play and friction states of a motion, and what else features depend on; every row updates them."""
 
     play: Floats  # (K,) play states; NaN until the first position, on which they are centred
-    kept: Floats  # (K,) those before a leap, which count again when it returns
-    followed: Floats  # (K,) those that followed every position
-    friction: Floats  # (3, L) friction states likewise, NaN until the first position: now, kept, followed
+    friction: Floats  # (2, L) friction states, NaN until the first position: remembered, and of the last row
     seen: Floats  # (J, 3) of the joints that play states follow; see find_leaps
-    strange: Floats  # (2,) see find_leaps
+    fast: Floats  # (1,) see find_leaps
     rejected: Floats  # (J,) rows of these joints that were spikes
 
     def clear(self) -> None:
         """Forget all earlier rows: another motion begins; what was counted stays."""
-        for states in (self.play, self.kept, self.followed, self.friction):
-            states[:] = np.nan
-        self.seen[:], self.strange[0] = [np.nan, 0.0, 0.0], 0.0
+        self.play[:], self.friction[:] = np.nan, np.nan
+        self.seen[:], self.fast[:] = [np.nan, 0.0, 0.0], 0.0
 
 
 class _Column(NamedTuple):
@@ -60,7 +57,6 @@ class FeatureRows(NamedTuple):
     X: Floats  # (N, F)
     leaping: Flags  # (N,) rows that leap: intervals are wider
     spikes: dict[str, int]  # of each position that play states follow, how many rows these did not follow
-    another: int  # rows of another motion than training's, with many faster steps
 
 
 @dataclass(frozen=True)
@@ -72,8 +68,8 @@ class FeatureSet:
     which stays within -r and r. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996] Where a cable runs over
     another joint's drum, what it follows is a path: its joint's position and a factor times the other's.
 
-    A position farther from the one before than its joint's largest step is a leap. Where it returns, it was a spike,
-    and play states are those before it (spike_filter.py). Rows of less than `period` have as much room as one of it.
+    A position farther from the one before than its joint's largest step is a leap, which play states do not remember
+    unless it stays (spike_filter.py). Rows of less than `period` have as much room as one of it.
     """
 
     __pydantic_config__ = IN_FILES
@@ -167,7 +163,7 @@ class FeatureSet:
             run(self.row_steps(signals[rows], memory, part, room[rows], leaps))
             taken = slice(None) if kept is None else kept[into] - first
             X[into], leaping[into] = part[taken], leaps[taken]
-        return FeatureRows(X, leaping, self.spikes(memory), int(memory.strange[1]))
+        return FeatureRows(X, leaping, self.spikes(memory))
 
     def signal_rows(self, log: MotionLog) -> Floats:
         """Return the signals of every row, (N, S)."""
@@ -191,28 +187,25 @@ class FeatureSet:
 
     def memory(self) -> Memory:
         """Return an empty memory."""
-        joints = len(self.played)
-        play, kept, followed = np.empty((3, len(self.play)))
-        friction = np.empty((3, 0 if self.friction is None else self.friction.size))
-        places = (np.empty((joints, 3)), np.zeros(2), np.zeros(joints))
-        memory = Memory(play, kept, followed, friction, *places)
+        joints, lags = len(self.played), 0 if self.friction is None else self.friction.size
+        memory = Memory(
+            np.empty(len(self.play)), np.empty((2, lags)), np.empty((joints, 3)), np.zeros(1), np.zeros(joints)
+        )
         memory.clear()
         return memory
 
     def row_steps(self, signals: Floats, memory: Memory, X: Floats, room: Floats, leaping: Flags) -> list[Step]:
         """Return the compiled steps that write X (N, F) and `leaping` for rows of signals (N, S); see `room_of`."""
         limits = np.array([dict(self.steps).get(name, ANY_SIZE) for name in self.played])
-        course, along = np.zeros((len(signals), len(limits)), dtype=np.int64), np.empty((len(signals), len(limits)))
+        away, along = np.zeros((len(signals), len(limits)), dtype=bool), np.empty((len(signals), len(limits)))
         paths = {name: (position, other, factor) for name, position, other, factor in self.paths}
         parts = [paths.get(name, (name, name, 0.0)) for name in self.played]
         firsts, seconds = self._places([part[0] for part in parts]), self._places([part[1] for part in parts])
         factors = np.array([factor for _, _, factor in parts], dtype=float)
         owners = np.array([self.played.index(name) for name, _ in self.play], dtype=np.int64)
         widths = np.array([width for _, width in self.play], dtype=float)
-        leaps = Step(find_leaps, (along, limits, room), (memory.seen, memory.strange, memory.rejected, course, leaping))
-        features = Step(
-            gather, (signals, along, owners, widths, course), (memory.play, memory.kept, memory.followed, X)
-        )
+        leaps = Step(find_leaps, (along, limits, room), (memory.seen, memory.fast, memory.rejected, away, leaping))
+        features = Step(gather, (signals, along, owners, widths, away), (memory.play, X))
         steps = [Step(follow, (signals, firsts, seconds, factors), (along,)), *[leaps] * bool(self.steps), features]
         if self.friction is not None:
             constants, coupled = self.friction.constants, self.friction.positions
@@ -221,7 +214,7 @@ class FeatureSet:
             n, m = constants.lever.shape
             work = (np.empty(n), np.empty(n), np.empty(m))
             steps.append(
-                Step(rub, (signals, self._places(coupled), owner, course, at, *constants), (*work, memory.friction, X))
+                Step(rub, (signals, self._places(coupled), owner, away, at, *constants), (*work, memory.friction, X))
             )
         return steps
 
@@ -245,10 +238,8 @@ def gather(
     along: Floats,  # (N, J) positions and paths that play states follow
     owners: Integers,  # (K,) which of these each follows
     widths: Floats,  # (K,) half-widths of the play states
-    course: Integers,  # (N, J) see `find_leaps`
-    play: Floats,
-    kept: Floats,
-    followed: Floats,
+    away: Flags,  # (N, J) see `find_leaps`
+    play: Floats,  # (K,) play states
     X: Floats,  # (N, F) receives the features
 ) -> None:
     """Write the features of rows of one motion, and remember what later rows take; NaN leaves play states."""
@@ -257,14 +248,10 @@ def gather(
         for i in range(at):
             X[row, i] = signals[row, i]
         for i in range(len(owners)):
-            position, what = along[row, owners[i]], course[row, owners[i]]
-            if np.isfinite(position):
-                before = kept[i] if what == BACK else play[i]
-                followed[i] = after(followed[i], position, widths[i])
-                play[i] = followed[i] if what == ANOTHER else after(before, position, widths[i])
-                if what != AWAY:
-                    kept[i] = play[i]
-            X[row, at + i] = play[i] - position
+            position = along[row, owners[i]]
+            X[row, at + i] = after(play[i], position, widths[i]) - position
+            if np.isfinite(position) and not away[row, owners[i]]:
+                play[i] = after(play[i], position, widths[i])
 
 
 @inlined

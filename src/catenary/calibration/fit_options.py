@@ -12,7 +12,7 @@ from catenary.calibration.model import Target
 from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS, ModelKind, kind_of
 from catenary.errors import InputError
 
-# half-widths of the play states, as shares of each joint's range of motion: from a cable's slack to its stretch
+# half-widths of play states, of each joint's range of motion: from a cable's slack to its stretch
 PLAY_SHARES = (0.0025, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)
 MEMORY_RIDGE = 10.0  # for regressions on features with memory, which resemble each other
 FOLDS = 5

@@ -7,7 +7,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from catenary.arrays import Floats, spread
+from catenary.arrays import Floats
 from catenary.calibration.cable_paths import find_cables
 from catenary.calibration.card import model_card
 from catenary.calibration.conformal import estimate_intervals, expected, fewest_rows
@@ -17,9 +17,8 @@ from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import MIN_ROWS, choose_inputs, fit
 from catenary.calibration.friction_fit import find_friction
-from catenary.calibration.friction_states import FoundFriction
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.predictors import Linear, fit_linear, fit_polynomial
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -28,32 +27,17 @@ from catenary.robots.plausible import FARTHEST
 from catenary.side_by_side import Progress, part_of, silent
 from catenary.units import DISPLAY
 from catenary.verdict.check import Passed
-from catenary.verdict.finding import Finding
 from catenary.verdict.mend import left_out_rows, mends_of
 from catenary.verdict.pairs import OUTLIER_SIGMAS, outliers
 
-# of more rows than these a fit learns from a sample: time and memory then grow with the states of all rows alone
-_MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000
-_PRODUCTS_RIDGE = 0.01  # of what products of inputs weigh beside a line, so that they explain and do not swing
+_MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000  # of more rows than the first a fit learns from a sample
 _MAX_FAR_SHARE = 0.03  # of rows, that failed measurements are
 _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
+_LEFT_OUT_RATIO = 1.05  # times the RMSE without rows left out, that is worth a word
+_DOUBTED_RATIO = 1.5  # times as large as on blocks may an error be elsewhere, that is worth a word
 _VAGUE_RATIO = 2.0  # times its lower end, that a range of errors says little beyond
 
 Rows = tuple[CalibrationData, CalibrationData | None, CalibrationData]
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """What one joint's error is with the rows left out, which the model did not learn from; deg or mm."""
-
-    joint: str
-    unit: str
-    rows: int  # left out for any joint: beyond the error limit, or as asked (--leave-out)
-    beyond: int  # of them beyond the error limit on this joint
-    share_of_rows: float
-    share_of_error: float  # that they carry, of the squared error of all rows
-    rmse_without: float
-    rmse_with: float
 
 
 @dataclass(frozen=True)
@@ -66,7 +50,6 @@ class FitResult:
     spread: tuple[Spread, ...]
     held_out: Evaluation | None
     notes: tuple[str, ...]
-    left_out: tuple[LeftOut, ...] = ()  # by joint, where measured rows were left out
     logs: tuple[MotionLog, ...] = ()
 
 
@@ -97,7 +80,6 @@ def fit_recordings(
     data = rows[0]
     halves = [part_of(progress, k, 2) for k in range(2)]
     model = fit(data, inputs, options, progress=halves[0])
-    notes = () if model.widening is None else _far_notes(data, model)
     validation: CrossValidation | None = None
     if run.folds:
 
@@ -105,23 +87,25 @@ def fit_recordings(
             return fit(part, inputs, options, like=model, progress=tell)
 
         validation = cross_validate(data, refitted, folds=run.folds, progress=halves[1])
-    found = found._replace(notes=[*found.notes, *notes])
     return _concluded(recordings, options, run, (model, validation), found, rows)
 
 
-def _far_notes(data: CalibrationData, model: CalibrationModel) -> tuple[str, ...]:
-    """Say how many rows are beyond ten robust deviations of the errors, if few, and the errors without them."""
-    left = data.error - model.correction(data.X, data.q_nominal)
+def _far_notes(data: CalibrationData, left: Floats) -> list[str]:
+    """Say how many errors left (N, n) lie beyond ten robust deviations, if few, and the RMSE without them."""
     far = np.any(np.abs(left) > OUTLIER_SIGMAS * outliers(left)[1] + _RESOLUTION_SI, axis=1)
     if not 0.0 < far.mean() <= _MAX_FAR_SHARE:
-        return ()
-    left *= [DISPLAY[unit][1] for unit in data.joint_units]
-    shown = [
-        f"{name} {rms(column[~far]):.3g} ({rms(column):.3g}) {DISPLAY[unit][0]}"
-        for name, unit, column in zip(data.joint_names, data.joint_units, left.T, strict=True)
-    ]
+        return []
     what = f"{far.sum()} rows lie beyond {OUTLIER_SIGMAS:g} robust deviations of the model's errors"
-    return (f"{what}, as failed measurements do; RMSE without (with) them: {', '.join(shown)}",)
+    return [f"{what}, as failed measurements do; {_without(data, left[~far], left)}"]
+
+
+def _without(data: CalibrationData, kept: Floats, every: Floats) -> str:
+    """Return in words the RMSE by joint of errors that are kept, and of all."""
+    shown = [
+        f"{name} {DISPLAY[unit][1] * rms(a):.3g} ({DISPLAY[unit][1] * rms(b):.3g}) {DISPLAY[unit][0]}"
+        for name, unit, a, b in zip(data.joint_names, data.joint_units, kept.T, every.T, strict=True)
+    ]
+    return f"RMSE without (with) them: {', '.join(shown)}"
 
 
 def _rows(recordings: Recordings, features: FeatureSet, run: FitRun) -> Rows:
@@ -155,99 +139,46 @@ def _concluded(
 ) -> FitResult:
     """Return a fitted model with its intervals, errors and card."""
     logs, (model, validation), (data, late, everything) = recordings.logs, made, rows
-    notes = (*data_notes(logs, everything), *found.notes)
-    off_path, apart = (np.zeros_like(model.offset),) * 2 if validation is None else _off_path(model, data)
+    notes = [*data_notes(logs, everything), *found.notes]
     intervals, growth = None, np.ones(1)
     if validation is not None:
-        growth = model.growth(data.X)
-        intervals = estimate_intervals(validation, level=run.coverage, off_path=off_path, growth=growth)
-    limits = _limits(recordings.robot, data)
-    model = replace(model, intervals=intervals, limits=limits, mends=mends_of(logs))
+        plain = Intervals(run.coverage, np.ones_like(model.offset), np.ones_like(model.offset))
+        growth = replace(model, intervals=plain).correct(data.X, data.q_nominal)[2]
+        intervals = estimate_intervals(validation, level=run.coverage, growth=growth)
+    model = replace(model, intervals=intervals, limits=_limits(recordings.robot, data), mends=mends_of(logs))
+    left = data.error - model.correction(data.X, data.q_nominal)
+    notes += _far_notes(data, left)
     if model.features.friction is not None and options.friction is not None:
-        notes = (*notes, *friction_notes(logs, options.friction))
+        coupled = ", ".join(position.removeprefix("q:") for position in model.features.friction.positions)
+        gain = f"{options.friction.gain:.0%} of their error on blocks of time is explained by it"
+        notes.append(f"friction couples {coupled}: {gain}")
     if model.features.paths:
         followed = ", ".join(name.replace("q:", "") for name, *_ in model.features.paths)
-        notes = (*notes, f"cables run over another joint's drum: play follows {followed}")
+        notes.append(f"cables run over another joint's drum: play follows {followed}")
     if validation is None:
-        notes = (*notes, "no intervals: they are estimated from the cross-validation, which folds 0 leaves out")
+        notes.append("no intervals: they are estimated from the cross-validation, which folds 0 leaves out")
     elif intervals is None:
         why = f"{len(validation.after_model)} rows are too few to hold {run.coverage:.0%} of errors"
-        notes = (*notes, f"no intervals: {why}; that takes {fewest_rows(run.coverage)}, or a lower coverage")
-    left_out = errors_with_left_out(
-        model, logs, everything, None if validation is None or late is not None else validation.after_model
-    )
-    notes = (*notes, *(f"{each.name}: {each}" for each in left_out_findings(left_out)))
+        notes.append(f"no intervals: {why}; that takes {fewest_rows(run.coverage)}, or a lower coverage")
+    unseen = None if validation is None or late is not None else validation.after_model
+    notes += _left_out_notes(model, recordings, everything, unseen)
     spread: tuple[Spread, ...] = ()
     if validation is not None:
-        left = data.error - model.correction(data.X, data.q_nominal)
-        scale = np.array([DISPLAY[unit][1] for unit in data.joint_units])
-        widening = 1.0 if model.widening is None else model.widening
-        spread = expected(
-            validation.spread, validation, data.blocks(run.folds), left, intervals, widening, scale * off_path, growth
-        )
-        doubted = [
-            f"{joint.joint} {far:.3g} {joint.unit}"
-            for joint, far in zip(spread, (scale * apart).tolist(), strict=True)
-            if far > math.sqrt(0.5) * (joint.rmse_high or 0.0)  # which holds it: more than the rest of that
-        ]
-        if doubted:
-            told = "where joints meet that its training has apart, models that are as good on it differ by more than"
-            remedy = "record random motion" + ", or take --model linear" * options.record.is_power
-            notes = (*notes, f"{told} they err: {', '.join(doubted)}; {remedy}")
-        vague = [
-            f"{joint.joint} {joint.rmse_low:.3g} to {joint.rmse_high:.3g} {joint.unit}"
-            for joint in spread
-            if joint.rmse_low is not None
-            and joint.rmse_high is not None
-            and joint.rmse_high > _VAGUE_RATIO * joint.rmse_low
-        ]
-        if vague:
-            notes = (*notes, f"other minutes may err by {', '.join(vague)}, which says little: record longer")
+        widening = np.ones_like(model.offset) if model.widening is None else model.widening
+        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals, widening, growth)
+        if wide := [f"{s.joint} {w:.2g}" for s, w in zip(spread, widening, strict=True) if w > _DOUBTED_RATIO]:
+            told = f"where joints meet that its training has apart, errors may be more: {', '.join(wide)} times"
+            notes.append(f"{told}; record random motion" + ", or take --model linear" * options.record.is_power)
+        ranges = [(s, s.rmse_low or 0.0, s.rmse_high or 0.0) for s in spread]
+        if vague := [f"{s.joint} {a:.3g} to {b:.3g} {s.unit}" for s, a, b in ranges if b > _VAGUE_RATIO * a]:
+            notes.append(f"other minutes may err by {', '.join(vague)}, which says little: record longer")
     held_out = None if late is None else evaluate(model, late)
-    card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=notes)
+    card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=tuple(notes))
     card["delays"] = [
         {"recording": log.name, **({} if delay is None else asdict(delay))}
         for log, delay in zip(logs, found.delays, strict=True)
     ]
-    card["left_out"] = [asdict(each) for each in left_out]
-    return FitResult(model, card, data, spread, held_out, notes, left_out, logs)
-
-
-def _off_path(model: CalibrationModel, data: CalibrationData) -> tuple[Floats, Floats]:
-    """Return how much more a model may be wrong off the path that it learnt from, within its valid range, (n,) [rad|m].
-
-    A linear model of the same rows is nearly as good on the path; as one that is linear itself, one with products of
-    its inputs. How far the two lie apart where joints meet as they stood in different rows is what neither knows. The
-    first is what widens intervals, without products, which off the path bend more than joints do; then all.
-    """
-    nothing = np.zeros_like(model.offset)
-    if model.kind == "offset" or model.widening is not None:  # which says so itself
-        return nothing, nothing
-    data = data.rows(np.isin(np.arange(len(data)), spread(len(data), _SAMPLED_ROWS)))
-    linear, rng = fit_linear(data.X, data.error), np.random.default_rng(0)
-    lines = [group for group in model.groups if isinstance(group.predictor, Linear)]
-    bent = [
-        fit_polynomial(data.X[:, group.columns], data.error[:, list(group.joints)], ridge=_PRODUCTS_RIDGE * len(data.X))
-        for group in lines
-    ]
-
-    def apart_on(X: Floats) -> Floats:
-        other = linear.predict(X)
-        for group, predictor in zip(lines, bent, strict=True):
-            other[:, list(group.joints)] = predictor.predict(np.ascontiguousarray(X[:, group.columns]))
-        squares: Floats = np.mean((model.correction(X, data.q_nominal[: len(X)]) - other) ** 2, axis=0)
-        return squares
-
-    owners = model.features.owners  # whose position, torque and memory go together
-    rows = {joint: rng.permutation(len(data.X)) for joint in dict.fromkeys(owners)}
-    met = np.column_stack([column[rows[joint]] for column, joint in zip(data.X.T, owners, strict=True)])
-    met = met[model.inside(met).all(axis=1)]
-    if len(met) == 0:
-        return nothing, nothing
-    apart = np.sqrt(np.maximum(apart_on(met) - apart_on(data.X), 0.0))
-    widening = apart.copy()
-    widening[[joint for group in lines for joint in group.joints]] = 0.0
-    return widening, apart
+    return FitResult(model, card, data, spread, held_out, tuple(notes), logs)
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
@@ -263,58 +194,22 @@ def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
     return limits
 
 
-def friction_notes(logs: Sequence[MotionLog], found: FoundFriction) -> list[str]:
-    """Return in a sentence which joints friction couples, and the level of each of several recordings."""
-    names = [position.removeprefix("q:") for position in found.states.positions]
-    notes = [
-        f"friction couples {', '.join(names)}: {found.gain:.0%} of their error on blocks of time is explained by it"
-    ]
-    for log, logarithms in zip(logs, found.levels if len(logs) > 1 else (), strict=False):
-        levels = ", ".join(f"{name} {level:.2f}" for name, level in zip(names, np.exp(logarithms), strict=True))
-        notes.append(f"{log.name}: friction, over the recordings' mean: {levels}")
-    return notes
+def _left_out_notes(
+    model: CalibrationModel, recordings: Recordings, data: CalibrationData, left: Floats | None
+) -> list[str]:
+    """Say the RMSE with measured rows left out (--max-error, --leave-out), where it is larger.
 
-
-# times their share of the rows, from which on rows left out carry more than their share of the error
-_SHARE_RATIO = 2.0
-_RMSE_RATIO = 1.05  # times the RMSE without them, that is worth a word
-
-
-def errors_with_left_out(
-    model: CalibrationModel, logs: Sequence[MotionLog], data: CalibrationData, after: Floats | None = None
-) -> tuple[LeftOut, ...]:
-    """Return a model's error with and without measured rows left out; `after` (N, n) is of models that saw none."""
-    asked = [left_out_rows(log) for log in logs]
-    if not any(source.dropped for source in data.sources) and not any(each.any() for each in asked):
-        return ()
-    logs = [replace(log, ok=log.ok | each) for log, each in zip(logs, asked, strict=True)]
-    everything = usable_rows(Recordings(tuple(logs)), model.features, every=data.every)
-    kept = np.isin(everything.recording + everything.position, data.recording + data.position)
-    gone = everything.rows(~kept)
-    if not len(gone):
-        return ()
-    after = data.error - model.correction(data.X, data.q_nominal) if after is None else after
-    squares = [np.square(each).sum(axis=0) for each in (after, gone.error - model.correction(gone.X, gone.q_nominal))]
-    beyond = [sum(source.beyond.get(name, 0) for source in data.sources) for name in data.joint_names]
-    total, (own, its) = len(after) + len(gone), squares
-    scale = np.array([DISPLAY[unit][1] for unit in data.joint_units])
-    rmse = [scale * np.sqrt(own / len(after)), scale * np.sqrt((own + its) / total)]
-    numbers = np.array([its / np.maximum(own + its, 1e-300), *rmse]).T.tolist()
-    return tuple(
-        LeftOut(name, DISPLAY[unit][0], len(gone), beyond[j], len(gone) / total, *numbers[j])
-        for j, (name, unit) in enumerate(zip(data.joint_names, data.joint_units, strict=True))
-    )
-
-
-def left_out_findings(found: Sequence[LeftOut]) -> list[Finding]:
-    """Note joints on which the rows left out carry more than their share of the error."""
-    notes, culprit = [], "measurement failures; or a true error that was cut away"
-    for each in found:
-        if each.share_of_error > _SHARE_RATIO * each.share_of_rows and each.rmse_with > _RMSE_RATIO * each.rmse_without:
-            says = (
-                f"the {each.rows} rows left out, {each.share_of_rows:.2%} of all, carry {each.share_of_error:.0%} of "
-                f"the squared error: RMSE {each.rmse_with:.3g} {each.unit} with them, {each.rmse_without:.3g} without, "
-                "which is what is printed"
-            )
-            notes.append(Finding("dropped", (each.joint,), says, culprit, refuses=False))
-    return notes
+    Errors left (N, n) are of models that did not see the rows; the model's when None.
+    """
+    asked = [left_out_rows(log) for log in recordings.logs]
+    if not any(source.dropped for source in data.sources) and not any(rows.any() for rows in asked):
+        return []
+    logs = (replace(log, ok=log.ok | rows) for log, rows in zip(recordings.logs, asked, strict=True))
+    every = usable_rows(Recordings(tuple(logs)), model.features, every=data.every)
+    gone = every.rows(~np.isin(every.recording + every.position, data.recording + data.position))
+    left = data.error - model.correction(data.X, data.q_nominal) if left is None else left
+    both = np.vstack([left, gone.error - model.correction(gone.X, gone.q_nominal)])
+    if not (np.square(both).mean(axis=0) > _LEFT_OUT_RATIO**2 * np.square(left).mean(axis=0)).any():
+        return []
+    what = f"dropped: {len(gone)} rows left out carry more than their share of the error"
+    return [f"{what} (measurement failures; or a true error that was cut away); {_without(data, left, both)}"]

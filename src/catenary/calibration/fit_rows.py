@@ -8,12 +8,13 @@ import numpy as np
 
 from catenary.arrays import Floats, Integers
 from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.expansion import Expansion
+from catenary.calibration.extrapolation import TrainedRows, leverage_of
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, FoundCables
 from catenary.calibration.learned import BLOCKS
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.model_kinds import LEARNED, ModelKind
+from catenary.calibration.predictors import Expansion
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE, largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range
@@ -23,8 +24,7 @@ from catenary.side_by_side import Progress, part_of, silent
 
 MIN_ROWS = 10  # rows
 _BEYOND_AXES = 1.0  # of the range along a principal axis, how far a model may go; see `ModelKind`
-# share of training errors that count for the largest correction: the others may be failed measurements
-_SHOWN_QUANTILE = 0.99
+_SHOWN_QUANTILE = 0.99  # of training errors, for the largest correction: others may be failed measurements
 _RESOLUTION_SI = 1e-6  # [rad|m] the smallest "largest correction": smaller ones no encoder shows
 
 
@@ -116,6 +116,10 @@ def fit(
             block=data.blocks(BLOCKS), recording=data.recording,
             penalties=chosen.penalties if isinstance(chosen, Expansion) else None,
         )  # fmt: skip
+        if isinstance(predictor, Expansion) and predictor.leverage is None and like is None and kind.name != "offset":
+            trained = TrainedRows(X, columns.tolist(), inputs.features, [data.joint_names[j] for j in joints])
+            known = leverage_of(trained, predictor.terms, Y[:, joints], options.ridge_used or 0.0, data.blocks(BLOCKS))
+            predictor = replace(predictor, leverage=known)
         watched = columns[~inputs.features.bounded[columns]]
         margin = extrapolation(kind, inputs.features, columns)
         valid = fit_valid_range(data.X[:, watched], margin, along_axes=margin if kind.is_power else _BEYOND_AXES)

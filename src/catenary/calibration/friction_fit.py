@@ -15,19 +15,10 @@ from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.calibration.fit_options import MEMORY_RIDGE, FitOptions
-from catenary.calibration.friction_level import best_level, levels_tried
+from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.friction_states import FoundFriction, FrictionStates
 from catenary.calibration.recordings import Recordings
-from catenary.calibration.searched_rows import (
-    MIN_ROWS,
-    SearchedRows,
-    errors_on_blocks,
-    is_gain,
-    searched_rows,
-    sums_over_blocks,
-)
-from catenary.calibration.valid_range import standardisation
+from catenary.calibration.searched_rows import MIN_ROWS, SearchedRows, SumsBeside, is_gain, searched_rows
 from catenary.errors import InputError
 from catenary.transmission.cable_friction import CoupledFriction, coupled_friction
 
@@ -45,6 +36,24 @@ _MIN_START_LOG_GAIN = 0.02  # where the search begins: pairs that gain less are 
 _COUPLING_RIDGE = 1e-4  # weight on squared couplings
 
 
+class _Errors:
+    """Errors of joints with friction states, or with play states in their place."""
+
+    def __init__(self, rows: SearchedRows, joints: Sequence[int]) -> None:
+        self._rows, self._joints, Y = rows, list(joints), rows.error[:, list(joints)]
+        self._beside = SumsBeside(rows.fixed[:, rows.columns(joints)], Y, rows.block)
+        self.of_play = SumsBeside(rows.fixed, Y, rows.block).errors(rows.fixed[:, :0])  # (K, n)
+
+    def __call__(self, friction: CoupledFriction) -> Floats:
+        """Return RMSE of joints on each block by a ridge regression on the others, (K, n)."""
+
+        def states(path: Floats) -> Floats:
+            lag = friction.lag(path[:, self._joints])
+            return lag.reshape(len(lag), lag.shape[1] * lag.shape[2])
+
+        return self._beside.errors(self._rows.of_paths(states))
+
+
 def find_friction(recordings: Recordings, options: FitOptions, *, held_out: float = 0.0) -> FoundFriction | None:
     """Return the friction of coupled joints, looking only at what comes before the held-out part; None without.
 
@@ -55,22 +64,16 @@ def find_friction(recordings: Recordings, options: FitOptions, *, held_out: floa
         return None
     with threadpool_limits(limits=1):
         rows = searched_rows(recordings, options, held_out)
-        if options.coupled is not None:
-            joints = _told(rows, options.coupled)
-        elif len(rows.fixed) < MIN_ROWS:
-            return None
-        else:
-            joints = _best_pair(rows)
+        few = len(rows.fixed) < MIN_ROWS
+        joints = _told(rows, options.coupled) if options.coupled else () if few else _best_pair(rows)
         if not joints:
             return None
-        found, alone = _searched(rows, joints)
-        without, uncoupled, after = (_errors(rows, joints, each) for each in (None, alone, found))
-        before = min(without, uncoupled, key=lambda errors: float(np.log(errors).mean()))
+        errors_of = _Errors(rows, joints)
+        found, alone = _searched(errors_of, len(joints))
+        after = errors_of(found)
+        before = min(errors_of.of_play, errors_of(alone), key=lambda errors: float(np.log(errors).mean()))
         if options.coupled is None and not is_gain(before, after, _MIN_COUPLING_LOG_GAIN):
             return None
-        levels = _levels(rows, joints, found) if len(recordings.logs) > 1 else np.zeros((1, len(found.directions)))
-        found = found._replace(thresholds=found.thresholds * np.exp(levels.mean(axis=0)))
-        levels -= levels.mean(axis=0)
     unit = rows.ranges[list(joints)]
     states = coupled_friction(
         unit[:, None] * found.lever * unit, found.directions / unit, found.thresholds, found.longest * unit
@@ -78,7 +81,6 @@ def find_friction(recordings: Recordings, options: FitOptions, *, held_out: floa
     names = tuple(rows.joint_names[j] for j in joints)
     return FoundFriction(
         FrictionStates.of(tuple(f"q:{name}" for name in names), states),
-        tuple(map(tuple, levels.tolist())),
         float(1.0 - np.exp(np.log(after / before).mean())),
     )
 
@@ -121,10 +123,10 @@ def _best_pair(rows: SearchedRows) -> tuple[int, ...]:
     for joints in combinations(moving, 2):
         if not _move_together(rows, joints):
             continue
-        alone = (None, _friction(_start(2, 0.0), 2))
-        before = min(np.log(_errors(rows, joints, each)).mean() for each in alone)
+        errors_of = _Errors(rows, joints)
+        before = min(np.log(each).mean() for each in (errors_of.of_play, errors_of(_friction(_start(2, 0.0), 2))))
         for coupling in (_START_COUPLING, -_START_COUPLING):
-            gain = before - np.log(_errors(rows, joints, _friction(_start(2, coupling), 2))).mean()
+            gain = before - np.log(errors_of(_friction(_start(2, coupling), 2))).mean()
             if gain > best:
                 best, pair = gain, joints
     return pair
@@ -132,20 +134,19 @@ def _best_pair(rows: SearchedRows) -> tuple[int, ...]:
 
 def _move_together(rows: SearchedRows, joints: tuple[int, int]) -> bool:
     """Return whether both of two joints move in enough of the steps in which one does."""
-    steps = np.concatenate([np.abs(np.diff(path[:, joints], axis=0)) for path, _, _ in rows.paths])
+    steps = np.concatenate([np.abs(np.diff(path[:, joints], axis=0)) for path, _ in rows.paths])
     larger = steps.max(axis=1)
     moved = larger > 0.0
     together = steps.min(axis=1)[moved] >= _TOGETHER_RATIO * larger[moved]
     return bool(together.any()) and float(together.mean()) >= _MIN_TOGETHER_SHARE
 
 
-def _searched(rows: SearchedRows, joints: Sequence[int]) -> tuple[CoupledFriction, CoupledFriction]:
-    """Return the friction that predicts joints best, and the same without what couples them."""
-    n = len(joints)
+def _searched(errors_of: _Errors, n: int) -> tuple[CoupledFriction, CoupledFriction]:
+    """Return the friction that predicts n joints best, and the same without what couples them."""
     springs = n * (n + 1) // 2 - 1
 
     def loss(parameters: Floats) -> float:
-        errors = _errors(rows, joints, _friction(np.clip(parameters, -5.0, 5.0), n))
+        errors = errors_of(_friction(np.clip(parameters, -5.0, 5.0), n))
         return float(
             0.5 * np.log(np.square(errors).mean(axis=0)).mean()
             + _COUPLING_RIDGE * np.square(parameters[:springs]).sum()
@@ -160,42 +161,3 @@ def _searched(rows: SearchedRows, joints: Sequence[int]) -> tuple[CoupledFrictio
     alone = coupled.copy()
     alone[:springs][(first != second)[1:]] = 0.0
     return _friction(coupled, n), _friction(alone, n)
-
-
-def _levels(rows: SearchedRows, joints: Sequence[int], friction: CoupledFriction) -> Floats:
-    """Return the logarithm of each recording's friction, (R, m), with springs and a ridge regression shared by all.
-
-    A model is fitted at their mean: at each recording's own level it predicted the fourth of a real wrist no better.
-    """
-    recordings, tried = int(rows.recording.max()) + 1, levels_tried(len(friction.directions))
-    fixed, Y = rows.fixed[:, rows.columns(joints)], rows.error[:, list(joints)]
-    X = np.hstack([fixed, _lags(rows, joints, friction), np.eye(recordings)[rows.recording]])  # a zero of each
-    mean, scale = standardisation(X)
-    Z = (X - mean) / scale
-    W = np.linalg.solve(Z.T @ Z + MEMORY_RIDGE * np.eye(Z.shape[1]), Z.T @ (Y - Y.mean(axis=0))) / scale[:, None]
-    of_fixed, of_lags = W[: fixed.shape[1]], W[fixed.shape[1] : -recordings]
-    levels = np.zeros((recordings, tried.shape[1]))
-    for r in np.unique(rows.recording):
-        here = rows.recording == r
-        at_levels = (friction._replace(thresholds=friction.thresholds * factors) for factors in np.exp(tried))
-        left = [Y[here] - fixed[here] @ of_fixed - _lags(rows, joints, each, only=r) @ of_lags for each in at_levels]
-        levels[r] = tried[best_level(np.array(left), tried)]
-    return levels
-
-
-def _lags(rows: SearchedRows, joints: Sequence[int], friction: CoupledFriction, only: int | None = None) -> Floats:
-    """Return friction states of joints at the rows, (N, S n), of all recordings or of one."""
-
-    def states(path: Floats) -> Floats:
-        lag = friction.lag(path[:, list(joints)])
-        return lag.reshape(len(lag), lag.shape[1] * lag.shape[2])
-
-    return rows.of_paths(states, only)
-
-
-def _errors(rows: SearchedRows, joints: Sequence[int], friction: CoupledFriction | None) -> Floats:
-    """Return RMSE of joints on each block by a ridge regression on the others, (K, n); with friction or without."""
-    X = rows.fixed
-    if friction is not None:
-        X = np.hstack([X[:, rows.columns(joints)], _lags(rows, joints, friction)])
-    return errors_on_blocks(*sums_over_blocks(X, rows.error[:, list(joints)], rows.block))

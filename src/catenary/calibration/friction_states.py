@@ -6,8 +6,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Floats, Integers
-from catenary.calibration.spike_filter import ANOTHER, AWAY, BACK
+from catenary.arrays import Flags, Floats, Integers
 from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled
@@ -69,7 +68,6 @@ class FoundFriction:
     """What was found of joints that friction couples."""
 
     states: FrictionStates
-    levels: Matrix  # (R, m) logarithm of each recording's friction over that of `states`, the mean of all
     gain: float  # share of the coupled joints' error on blocks of time that friction states take from play states'
 
 
@@ -77,8 +75,8 @@ class FoundFriction:
 def rub(
     signals: Floats,  # (N, S) what the robot reports, row after row
     places: Integers,  # (n,) which signals the positions are
-    owners: Integers,  # (n,) which columns of `course` these have
-    course: Integers,  # (N, J) see `find_leaps`
+    owners: Integers,  # (n,) which columns of `away` these have
+    away: Flags,  # (N, J) see `find_leaps`
     at: Integers,  # (1,) first column to write
     longest: Floats,  # (n,); this and the following are those of CoupledFriction
     directions: Floats,  # (m, n)
@@ -89,29 +87,22 @@ def rub(
     position: Floats,  # (n,) working memory; also the two that follow
     moved: Floats,  # (n,)
     slip: Floats,  # (m,)
-    friction: Floats,  # (3, n + C m) states: now, before a leap, and of every position; NaN before the first
+    friction: Floats,  # (2, n + C m) states: remembered, and of the last row; NaN before the first
     X: Floats,  # (N, F) receives lags, system by system
 ) -> None:
     """Write friction states of rows of one motion, leaps as for play states, and remember what later rows take."""
     n, m = len(places), len(slip)
     for row in range(len(signals)):
-        finite, away, back, another = True, False, False, False
+        finite, leapt = True, False
         for j in range(n):
             position[j] = signals[row, places[j]]
-            finite = finite and np.isfinite(position[j])
-            what = course[row, owners[j]]
-            away, back, another = away or what == AWAY, back or what == BACK, another or what == ANOTHER
+            finite, leapt = finite and np.isfinite(position[j]), leapt or away[row, owners[j]]
         if finite:
-            drag_state(position, longest, directions, mutual, hold, thresholds, friction[2], moved, slip)
-            if another:
-                friction[0] = friction[2]
-            else:
-                if back:
-                    friction[0] = friction[1]
-                drag_state(position, longest, directions, mutual, hold, thresholds, friction[0], moved, slip)
-            if not away:
-                friction[1] = friction[0]
+            friction[1] = friction[0]
+            drag_state(position, longest, directions, mutual, hold, thresholds, friction[1], moved, slip)
+            if not leapt:
+                friction[0] = friction[1]
         for c in range(len(thresholds)):
-            forces = friction[0, n + c * m : n + (c + 1) * m]
+            forces = friction[1, n + c * m : n + (c + 1) * m]
             for j in range(n):
                 X[row, at[0] + c * n + j] = lag_of(j, lever, forces) if finite else np.nan

@@ -1,18 +1,11 @@
 """How far off a calibrated position may be: half-widths that hold a stated share of the errors, wider where none was.
 
-Where training rows lay, a joint's half-width is one constant. That of the learned model grows with the leverage of a
-row (extrapolation.py), and becomes that of the fixed offset as its correction does, in the last tenth of the way to the
-edge of the valid range. That of the papers' models grows in the margin of the valid range in proportion
-to the distance from the rows, halfway through the margin to the fixed offset's: errors normalised by a measure of
-difficulty (Papadopoulos, Gammerman and Vovk, Normalized nonconformity measures for regression conformal prediction,
-2008), here the distance to the training data (Meyer and Pebesma, Methods in Ecology and Evolution 12, 2021). Halfway
-was chosen by measurement: of simulated arms that learn zig-zags and are asked at random, nearly half of the rows lie in
-the margin; by joint the constant holds 53 to 100 % of errors of which it is to hold 90, and this 89 to 100. Models that
-are fitted without the rows at the edge show a growth that is too small by half.
-
-Outside the valid range the fixed offset is what the model gives. The half-width there grows as if the offset's error
-went on as it does from the middle to the edge: in proportion to the distance from the middle, to MAX_HALF_RANGES times.
-Where the numbers come from, and what they promise: conformal.py.
+Where training rows lay, a joint's half-width is one constant; that of a regression grows with the leverage of a row
+(extrapolation.py). Towards the edge of the valid range it becomes the fixed offset's: in the last tenth of the way, as
+the learned model's correction does; of the papers' models from the rows to halfway through the margin, in proportion
+to the distance (Meyer and Pebesma, Methods in Ecology and Evolution 12, 2021), which measurement chose. Beyond the edge
+it grows as if the offset's error went on as from the middle to the edge, to MAX_HALF_RANGES times. Where the numbers
+come from, and what they promise: conformal.py.
 """
 
 import math

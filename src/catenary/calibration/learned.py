@@ -19,22 +19,19 @@ from scipy.linalg import cho_factor, cho_solve
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats, Integers
-from catenary.calibration.expansion import DROPPED, Expansion, Terms, term_owners
-from catenary.calibration.extrapolation import Leverage, TrainedRows, leverage
+from catenary.calibration.extrapolation import TrainedRows, leverage
 from catenary.calibration.features import FeatureSet
+from catenary.calibration.predictors import Expansion
 from catenary.calibration.spike_filter import ANY_SIZE
+from catenary.calibration.terms import DROPPED, Terms, term_owners
 from catenary.calibration.valid_range import standardisation
 
 GROUPS = (
     "signals", "own smooth", "own memory", "own ripple", "other smooth", "other memory", "other ripple", "products",
     "path memory",
 )  # fmt: skip
-_OF_KIND = {
-    "smooth": (4, 1),
-    "memory": (5, 2),
-    "ripple": (6, 3),
-    "path": (5, 8),
-}  # groups of a term of others, and of one's own
+# groups of a term of others, and of one's own
+_OF_KIND = {"smooth": (4, 1), "memory": (5, 2), "ripple": (6, 3), "path": (5, 8)}
 _LADDER = (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, DROPPED)
 _START = (1.0, 1.0, 10.0, 100.0, 100.0, 100.0, DROPPED, 100.0, 10.0)
 _WALK = (7, 5, 4, 2, 8, 6, 3, 1, 0)  # groups in the order in which penalties are tried
@@ -42,7 +39,7 @@ _SWEEPS = 2
 _LARGER_UP_TO, _SMALLER_BELOW = 1.02, 0.98  # times the least mean square: more ridge may cost this, less must gain it
 BLOCKS = 6
 _FAR_DEVIATIONS = 8.0  # robust deviations of a joint's errors, beyond which a row weighs less
-_REWEIGHTINGS = 3
+_REWEIGHTINGS, _COLUMNS = 3, 64
 _POSITION_LIMIT, _LOAD_LIMIT = 1.15, 4.0  # half ranges; standard deviations
 _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _ZERO_PENALTY, _MIN_ZEROED = 300.0, 3  # rows; recordings: of fewer, each has a zero of its own by chance
@@ -129,7 +126,7 @@ def fit_learned(
         total = sums.of_blocks.sum(axis=0)
         of_terms = np.array([_by_term(penalties[k], groups[k]) for k in range(Y.shape[1])])
         solved = np.array([_solved(total, of_terms[k], k) for k in range(Y.shape[1])]).T
-        grown = Leverage.none(len(terms), len(joints))
+        grown = None
         if chosen:
             wanted = (Y - sums.middle) / sums.spread - zeros @ solved[len(terms) : -1]
             means = sums.mean, sums.scale
@@ -138,12 +135,7 @@ def fit_learned(
     of_zeros = zeros.mean(axis=0) @ solved[len(terms) : -1]
     weights = solved[: len(terms)] * sums.spread / sums.scale[:, None]
     bias = (solved[-1] + of_zeros) * sums.spread + sums.middle - sums.mean @ weights
-    sketch = grown.sketch[:-1] / sums.scale[:, None]
-    constants = grown.sketch[-1] - sums.mean @ sketch
-    return Expansion(
-        terms, np.ascontiguousarray(weights), bias, penalties, grown.widening, np.ascontiguousarray(sketch), constants,
-        grown.usual, grown.factor,
-    )  # fmt: skip
+    return Expansion(terms, np.ascontiguousarray(weights), bias, penalties, grown)
 
 
 def _by_term(penalties: Floats, group: Integers) -> Floats:
@@ -152,14 +144,17 @@ def _by_term(penalties: Floats, group: Integers) -> Floats:
 
 
 def _weighted_sums(Z: Floats, zeros: Floats, Y: Floats, block: Integers, groups: Integers) -> _Sums:
-    """Return sums over blocks, of rows that weigh less the farther they are from a first fit."""
-    mean, scale = standardisation(Z)
+    """Return sums over blocks, of rows that weigh less the farther from a first fit; terms Z (N, C) are spent."""
+    # some columns at a time: all take as much memory again
+    parts = [standardisation(Z[:, k : k + _COLUMNS]) for k in range(0, Z.shape[1], _COLUMNS)]
+    mean, scale = np.concatenate(parts, axis=1)
     middle = np.median(Y, axis=0)
     spread = np.maximum(1.4826 * np.median(np.abs(Y - middle), axis=0), _RESOLUTION_SI)
-    Z = np.hstack([(Z - mean) / scale, zeros, np.ones((len(Z), 1)), (Y - middle) / spread])
+    Z -= mean
+    Z /= scale
+    Z = np.hstack([Z, zeros, np.ones((len(Z), 1)), (Y - middle) / spread])
     m, names = Y.shape[1], np.unique(block)
-    parts = [Z[block == k] for k in names]
-    of_blocks = np.array([part.T @ part for part in parts])
+    of_blocks = np.array([part.T @ part for part in (Z[block == k] for k in names)])
     weight = np.ones(len(Z))
     for _ in range(_REWEIGHTINGS):
         total = of_blocks.sum(axis=0)

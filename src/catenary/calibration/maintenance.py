@@ -14,16 +14,8 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.card import sizes_of, valid_inputs
 from catenary.calibration.dataset import CalibrationData, data_notes, usable_rows
-from catenary.calibration.friction_level import find_level
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.model_refresh import (
-    MIN_REFRESH_ROWS,
-    REFRESH_BLOCKS,
-    UNCHANGED,
-    JointChange,
-    Refreshed,
-    refresh_model,
-)
+from catenary.calibration.model_refresh import UNCHANGED, JointChange, Refreshed, refresh_model
 from catenary.calibration.recordings import Recordings
 from catenary.errors import DataError, InputError
 from catenary.plant import MotionLog
@@ -96,12 +88,8 @@ class NewDay:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in deg and mm."""
-        return {
-            "moved": self.moved,
-            "rows": len(self.data),
-            "joints": [asdict(change) for change in self.refreshed.changes],
-            "notes": list(self.notes),
-        }
+        joints = [asdict(change) for change in self.refreshed.changes]
+        return {"moved": self.moved, "rows": len(self.data), "joints": joints, "notes": list(self.notes)}
 
 
 def refresh_with(
@@ -120,8 +108,7 @@ def refresh_with(
             )
     found = judge_recordings(model, recordings, accept=accept, learning=True, done="refreshed")
     data = usable_rows(recordings, model.features)
-    day = find_level(model, recordings, REFRESH_BLOCKS) if len(data) >= MIN_REFRESH_ROWS else None
-    refreshed = refresh_model(model, data, day)
+    refreshed = refresh_model(model, data, recordings)
     notes = (*data_notes(recordings.logs, data), *found, *refreshed.notes)
     return NewDay(refreshed, refreshed_card(card, refreshed, data, sha256=sha256), data, notes)
 
@@ -141,20 +128,17 @@ def refreshed_card(card: Card, refreshed: Refreshed, data: CalibrationData, *, s
     new["data"] += [asdict(source) for source in data.sources]
     new["rows"] += len(data)
     since = last_date(card)
-    new["refreshed"] = [
-        *new.get("refreshed", []),
-        {
-            "model_sha256": sha256,
-            "recordings": [{"name": s.name, "sha256": s.sha256} for s in data.sources],
-            "rows": len(data),
-            "recorded": data.dates[1],
-            "since": since,
-            "moved": moved_in_words(refreshed.changes, since),
-            "joints": [asdict(change) for change in refreshed.changes],
-            "notes": list(refreshed.notes),
-        },
-    ]
-    return new
+    this = {
+        "model_sha256": sha256,
+        "recordings": [{"name": s.name, "sha256": s.sha256} for s in data.sources],
+        "rows": len(data),
+        "recorded": data.dates[1],
+        "since": since,
+        "moved": moved_in_words(refreshed.changes, since),
+        "joints": [asdict(change) for change in refreshed.changes],
+        "notes": list(refreshed.notes),
+    }
+    return new | {"refreshed": [*new.get("refreshed", []), this]}
 
 
 def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
@@ -171,8 +155,6 @@ def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
 
 def last_date(card: Card) -> str | None:
     """Return the date of the last recording that a model was fitted to or refreshed with (ISO 8601); None unknown."""
-    entries = card.get("refreshed", [])
-    if entries and entries[-1].get("recorded"):
-        return str(entries[-1]["recorded"])
-    found = card.get("recorded")
+    days = [day["recorded"] for day in card.get("refreshed", [])[-1:] if day.get("recorded")]
+    found = days[0] if days else card.get("recorded")
     return None if found is None else str(found)

@@ -8,17 +8,17 @@ import numpy as np
 from pydantic import Field
 
 from catenary.arrays import Flags, Floats, as_array
-from catenary.calibration import arithmetic
-from catenary.calibration.arithmetic import Step
-from catenary.calibration.expansion import Expansion
 from catenary.calibration.features import FeatureSet, Many, Memory
 from catenary.calibration.intervals import Intervals, widen
-from catenary.calibration.predictors import Constant, Linear, Network, Quadratic
+from catenary.calibration.model_kinds import LEARNED
+from catenary.calibration.predictors import AnyPredictor
 from catenary.calibration.spike_filter import ANY_SIZE
-from catenary.calibration.valid_range import ValidRange
+from catenary.calibration.valid_range import ValidRange, choose
 from catenary.cards import StoredFloats, StoredIntegers
 from catenary.config import IN_FILES
 from catenary.errors import InputError
+from catenary.kernels import rows as arithmetic
+from catenary.kernels.bind import Step, blocks, run
 from catenary.plant import MotionLog
 from catenary.verdict.mend import MEND_KEYS
 
@@ -27,7 +27,6 @@ Unit = Annotated[str, Field(pattern="^(rad|m)$")]
 Mends = Annotated[Mapping[Annotated[str, Field(pattern=MEND_KEYS)], tuple[str, ...]], Field(max_length=50)]
 _FADES_FROM = 0.9  # of the way to the edge of the valid range: the learned model is the fixed offset's at the edge
 MAX_CORRECTION_RATIO = 2.0  # times the largest correction that training showed: the largest that is believed
-AnyPredictor = Annotated[Constant | Linear | Quadratic | Network | Expansion, Field(discriminator="kind")]
 Card = dict[str, Any]  # everything a stranger must know before trusting a model, as JSON holds it
 
 
@@ -48,7 +47,7 @@ class JointGroup:
                 raise InputError(f"model: {name}: expected indices of features, got {columns!r}")
             object.__setattr__(self, name, np.ascontiguousarray(columns, dtype=np.int64))
         (inputs, outputs), watched = self.predictor.shape, len(self.valid_range.lower)
-        fits = inputs in (None, len(self.columns)) and outputs == len(self.joints)
+        fits = inputs == len(self.columns) and outputs == len(self.joints)
         if not fits or watched != len(self.watched):
             raise InputError(
                 f"model: joints {self.joints} take {len(self.columns)} features, {len(self.watched)} of them watched; "
@@ -56,20 +55,16 @@ class JointGroup:
             )
 
     def steps(
-        self, X: Floats, known: Flags, prediction: Floats, far: Floats | None = None, beyond: Floats | None = None
+        self, X: Floats, known: Flags, prediction: Floats, far: Floats, beyond: Floats, fades: bool
     ) -> list[Step]:
-        """Return steps from features X (N, F) to predictions (N, m), whether rows are known (N,), how far (N, 1)."""
+        """Return steps from features X (N, F) to predictions (N, m), which rows are known (N,), and how far."""
         taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
         return [
             Step(arithmetic.take, (X, self.columns), (taken,)),
             Step(arithmetic.finite, (taken,), (known,)),
             Step(arithmetic.take, (X, self.watched), (watched,)),
-            *self.valid_range.steps(watched, known, far, to_edges=isinstance(self.predictor, Expansion)),
-            *(
-                self.predictor.steps(taken, prediction, beyond)
-                if isinstance(self.predictor, Expansion)
-                else self.predictor.steps(taken, prediction)
-            ),
+            *self.valid_range.steps(watched, known, far, to_edges=fades),
+            *self.predictor.steps(taken, prediction, beyond),
         ]
 
 
@@ -85,7 +80,7 @@ class CalibrationModel:
 
     __pydantic_config__ = IN_FILES
 
-    kind: str  # of `MODEL_KINDS`, or one that is no longer fitted
+    kind: str  # of `MODEL_KINDS`
     preset: str | None
     joint_names: Many[str]
     joint_units: Many[Unit]
@@ -97,6 +92,8 @@ class CalibrationModel:
     intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
     limits: StoredFloats | None = None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
     mends: Mends = field(default_factory=dict)  # of its recordings: MotionLog.settled
+    # (3, n) of a refresh: factors of predicted errors and of q_nominal, and what is added [rad|m]; 1, 0, 0 when None
+    adjustment: StoredFloats | None = None
 
     def __post_init__(self) -> None:
         n, width = len(self.joint_names), len(self.features.names)
@@ -117,27 +114,27 @@ class CalibrationModel:
                 f"model: fixed offsets {self.offset.tolist()}: expected none beyond the largest corrections that "
                 f"training showed, {self.largest.tolist()}"
             )
+        if self.adjustment is not None:
+            object.__setattr__(self, "adjustment", as_array("adjustment", self.adjustment, (3, n)))
         if self.limits is not None:
             object.__setattr__(self, "limits", as_array("limits", self.limits, (2, n)))
         if self.intervals is not None and len(self.intervals.inside) != n:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
 
     @property
+    def adjusted(self) -> Floats:
+        """What refreshes changed, (3, n): see `adjustment`."""
+        nothing = np.outer([1.0, 0.0, 0.0], np.ones(len(self.joint_names)))
+        return nothing if self.adjustment is None else self.adjustment
+
+    @property
     def widening(self) -> Floats | None:
         """How many times larger an error is where joints meet otherwise than in training, (n,); None of other kinds."""
         found = np.ones(len(self.joint_names))
         for group in self.groups:
-            if not isinstance(group.predictor, Expansion):
+            if group.predictor.leverage is None:
                 return None
-            found[list(group.joints)] = group.predictor.widening
-        return found
-
-    def growth(self, X: Floats) -> Floats:
-        """Return how many times as wide as where training rows lay intervals are at features (N, F), (N, n)."""
-        found = np.ones((len(X), len(self.joint_names)))
-        for group in self.groups:
-            if isinstance(group.predictor, Expansion):
-                found[:, list(group.joints)] = group.predictor.growth(X[:, group.columns])
+            found[list(group.joints)] = group.predictor.leverage.widening
         return found
 
     @property
@@ -165,9 +162,9 @@ class CalibrationModel:
         correction, inside, interval = np.empty_like(q), np.empty(q.shape, dtype=bool), np.empty_like(q)
         leaps = np.zeros(len(X), dtype=bool) if leaping is None else leaping
         width = max(X.shape[1], *(group.predictor.width for group in self.groups))
-        for rows in arithmetic.blocks(len(X), width):
+        for rows in blocks(len(X), width):
             outputs = (correction[rows], inside[rows], interval[rows])
-            arithmetic.run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
+            run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
         return correction, inside, interval
 
     def steps(
@@ -180,33 +177,25 @@ class CalibrationModel:
         leaping: Flags | None = None,  # (N,) see `correct`
     ) -> list[Step]:
         """Return the compiled steps from features to corrections."""
-        leaping = np.zeros(len(X), dtype=bool) if leaping is None else leaping
+        n, leaping = len(self.joint_names), np.zeros(len(X), dtype=bool) if leaping is None else leaping
         steps: list[Step] = []
         if interval is not None and self.intervals is None:
-            steps = [Step(arithmetic.repeat, (np.full(len(self.joint_names), np.nan),), (interval,))]
-        lower, upper = (
-            np.outer((-ANY_SIZE, ANY_SIZE), np.ones_like(self.offset)) if self.limits is None else self.limits
-        )
-        bounds = (MAX_CORRECTION_RATIO * self.largest, lower - self.largest, upper + self.largest)
+            steps = [Step(arithmetic.repeat, (np.full(n, np.nan),), (interval,))]
+        lower, upper = np.outer((-ANY_SIZE, ANY_SIZE), np.ones(n)) if self.limits is None else self.limits
+        believed = (MAX_CORRECTION_RATIO * self.largest, lower - self.largest, upper + self.largest)
+        adjustment = np.vstack([np.full((1, n), float(self.target == "position")), self.adjusted])
+        fades = self.kind == LEARNED
         for group in self.groups:
-            joints = np.array(group.joints, dtype=np.int64)
+            joints, leverage = np.array(group.joints, dtype=np.int64), group.predictor.leverage
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))
-            is_learned, wanted = isinstance(group.predictor, Expansion), interval is not None and bool(self.intervals)
             far, beyond = np.zeros((len(X), 1)), np.zeros((len(X), 1))
-            seen, factor = group.valid_range.seen, np.zeros(len(joints))
-            fade = reach = np.array([_FADES_FROM, 1.0])
-            if isinstance(group.predictor, Expansion):
-                factor = group.predictor.factor
-            else:
-                fade, reach = np.array([ANY_SIZE, 2.0 * ANY_SIZE]), np.array([seen, 0.5 * (seen + 1.0)])
-            steps += group.steps(
-                X, known, prediction, far if wanted or is_learned else None, beyond if wanted else None
-            )
-            if self.target == "position":
-                steps.append(Step(arithmetic.errors_of_positions, (q, joints), (prediction,)))
-            chosen_from = (prediction, known, q, joints, far, fade, self.offset, *bounds)
-            steps.append(Step(arithmetic.choose, chosen_from, (correction, inside)))
+            steps += group.steps(X, known, prediction, far, beyond, fades)
+            fade = np.array([_FADES_FROM, 1.0] if fades else [ANY_SIZE, 2.0 * ANY_SIZE])
+            chosen_from = (prediction, known, q, joints, far, fade, adjustment, self.offset, *believed)
+            steps.append(Step(choose, chosen_from, (correction, inside)))
             if interval is not None and self.intervals is not None:
+                seen, factor = group.valid_range.seen, np.zeros(len(joints)) if leverage is None else leverage.factor
+                reach = fade if fades else np.array([seen, 0.5 * (seen + 1.0)])
                 widths = (beyond, factor, self.intervals.inside, self.intervals.outside, reach)
                 steps.append(Step(widen, (far, leaping, inside, q, joints, *widths), (interval,)))
         return steps
@@ -241,7 +230,7 @@ class CalibrationModel:
     def half_widths(self, log: MotionLog) -> Floats:
         """Return half-widths of intervals about `calibrate`, (N, n) [rad|m]; NaN where the model has none."""
         log = self.matched(log)
-        X, leaping, *_ = self.features.rows(log)
+        X, leaping, _ = self.features.rows(log)
         return self.correct(X, log.q_nominal, leaping)[2]
 
     def matched(self, log: MotionLog) -> MotionLog:

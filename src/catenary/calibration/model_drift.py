@@ -83,6 +83,11 @@ def find_drift(
         )
     if not factor > 0.0:
         raise InputError(f"drift: factor: expected more than 0, got {factor}")
+    least, judged = 0.0, f"RMSE beyond {factor:g} times the card's error"
+    if model.intervals is not None:
+        level = model.intervals.level
+        least = level - COVERAGE_LENIENCE * (1.0 - level)
+        judged = f"intervals that are to hold {level:.0%} of errors hold less than {least:.0%}"
     stretches = []
     for log in recordings.logs:
         data = usable_rows(replace(recordings, logs=(log,)), model.features)
@@ -92,20 +97,10 @@ def find_drift(
         number = np.searchsorted(sorted(cuts), place, side="right")
         for homing in np.unique(number):
             rows = data.rows(number == homing)
-            errors = evaluate(model, rows).joints
-            rmse, coverage = tuple(j.rmse for j in errors), tuple(j.coverage for j in errors)
-            held = None if model.intervals is None else coverage
-            if model.intervals is not None:
-                least = model.intervals.level - COVERAGE_LENIENCE * (1.0 - model.intervals.level)
-                beyond = tuple(share < least for share in coverage)
-            else:
-                beyond = tuple(np.greater(rmse, factor * np.asarray(known)).tolist())
-            stretches.append(Stretch(log.name, int(homing), rows.dates[0], len(rows), rmse, held, beyond))
-    judged = (
-        f"RMSE beyond {factor:g} times the card's error"
-        if model.intervals is None
-        else f"intervals that are to hold {model.intervals.level:.0%} of errors hold less than {least:.0%}"
-    )
+            rmse, held = zip(*((joint.rmse, joint.coverage) for joint in evaluate(model, rows).joints), strict=True)
+            lost = np.less(held, least) if known is None or model.intervals else np.greater(rmse, factor * known)
+            shares, beyond = held if model.intervals else None, tuple(lost.tolist())
+            stretches.append(Stretch(log.name, int(homing), rows.dates[0], len(rows), rmse, shares, beyond))
     return DriftFound(model.joint_names, model.joint_units, tuple(stretches), judged)
 
 
@@ -113,21 +108,20 @@ def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor:
     """Return errors (n,) [deg|mm], delays and zeros of cards, by date; beyond is `factor` times the first one's."""
     cards = sorted(cards, key=lambda each: last_date(each[1]) or "9")
     joints = [[(joint["name"], joint["unit"]) for joint in card["joints"]] for _, card, _ in cards]
-    for (name, *_), has in zip(cards, joints, strict=True):
+    stretches: list[CardStretch] = []
+    for (name, card, errors), has in zip(cards, joints, strict=True):
         if has != joints[0]:
             raise InputError(f"card {name}: is of joints {has}; expected those of {cards[0][0]}, {joints[0]}")
-    names, units = zip(*joints[0], strict=True)
-    stretches: list[CardStretch] = []
-    for name, card, errors in cards:
         if errors is None:
             raise InputError(f"card {name}: holds no error on unseen data")
         beyond = tuple(np.greater(errors, factor * np.array(stretches[0].rmse if stretches else errors)).tolist())
-        zeros = [DISPLAY[joint["unit"]][1] * joint["fixed_offset"] for joint in card["joints"]]
-        of_arm = card.get("instrument"), card.get("tool"), clock_delay(card), card.get("mends", {}), tuple(zeros)
+        zeros = tuple(DISPLAY[joint["unit"]][1] * joint["fixed_offset"] for joint in card["joints"])
+        of_arm = card.get("instrument"), card.get("tool"), clock_delay(card), card.get("mends", {}), zeros
         stretches.append(
             CardStretch(name, 0, last_date(card), card["rows"], tuple(errors.tolist()), None, beyond, *of_arm)
         )
     judged = f"RMSE beyond {factor:g} times that of the first card, {cards[0][0]}"
+    names, units = zip(*joints[0], strict=True)
     return DriftFound(names, units, tuple(stretches), judged)
 
 

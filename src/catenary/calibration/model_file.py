@@ -4,7 +4,6 @@ A model is its own schema: the archive holds its plain data as JSON (`structure`
 """
 
 import json
-import logging
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -15,16 +14,15 @@ from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
 from catenary.calibration.model import CalibrationModel, Card
-from catenary.calibration.model_kinds import RETIRED, kind_of
+from catenary.calibration.model_kinds import kind_of
 from catenary.cards import card_of, stored, write_with_card
 from catenary.config import parse_settings
 from catenary.documents import cut, json_table, shortened
-from catenary.errors import CatenaryError, FileFormatError, InputError
+from catenary.errors import CatenaryError, FileFormatError
 from catenary.files import damage
 from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
 
-_log = logging.getLogger(__name__)
-_FORMAT = "catenary.calibration.5"
+_FORMAT = "catenary.calibration.6"
 _FIELD_NAMES = tuple(each.name for each in fields(CalibrationModel))
 
 
@@ -61,13 +59,8 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
             raise FileFormatError(
                 f"{path}: model format {shortened(version)}, expected {_FORMAT!r}: another version wrote it; {remedy}"
             )
-        _drop_retired(found)
         model = parse_settings(found, CalibrationModel, "structure", arrays)
-        if model.kind in RETIRED or model.preset == "best":
-            name = f"{model.kind} {model.preset or ''}".strip()
-            _log.warning("%s: models of kind %s are no longer fitted, and err more: fit again", path, name)
-        else:
-            kind_of(model.kind, model.preset)  # refuses unknown ones
+        kind_of(model.kind, model.preset)  # refuses unknown ones
         check_names("joint", model.joint_names)
         check_different("joint", model.joint_names)
         check_within("offset", model.offset, FARTHEST, "rad or m")
@@ -82,12 +75,3 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         raise FileFormatError(
             damage(path, f"is no calibration model, or of another version: {cut(why)}", remedy)
         ) from error
-
-
-def _drop_retired(found: dict[str, Any]) -> None:
-    """Take out of a model's structure what is no longer computed: midlines of torques, where it has none of them."""
-    features, intervals = found.get("features"), found.get("intervals")
-    if isinstance(features, dict) and features.pop("midlines", None):
-        raise InputError("it takes midlines of torques, which are no longer computed: fit again")
-    if isinstance(intervals, dict):
-        intervals.pop("margin", None)

@@ -9,7 +9,7 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:  # help reads these records, and starts without NumPy
     from catenary.arrays import Floats
-    from catenary.calibration.model import AnyPredictor
+    from catenary.calibration.predictors import AnyPredictor
 
 
 @dataclass(frozen=True)
@@ -17,10 +17,9 @@ class ModelKind:
     """A kind of model.
 
     How far beyond the training data a model may go is a share of their range. Zig-zag data leave nearly half of the
-    shoulder's range out; half a range beyond, models without memory still correct most of the error there. Most
-    principal axes are narrow, as joints move together in training: of simulated arms and a real dVRK, models that do
-    not grow as powers err up to a range beyond as they do within. A polynomial doubles its error there; one with memory
-    has hundreds of terms, and its error grows fast.
+    shoulder's range out; half a range beyond, models without memory still correct most of the error there, and a range
+    along principal axes, most of which are narrow. A polynomial doubles its error there; one with memory has hundreds
+    of terms, and its error grows fast.
 
     Args:
         name: As it is typed.
@@ -98,14 +97,12 @@ _KINDS = (
 )
 MODEL_KINDS: Mapping[str, ModelKind] = {kind.name: kind for kind in _KINDS}
 LEARNED = "learned"  # what is fitted unless another kind is asked for
-RETIRED = ("auto", "hysteretic")  # and preset best of neural: models of files, which are no longer fitted
 
 
 def kind_of(name: str, preset: str | None = None) -> ModelKind:
     """Return the record of a kind, which may be named by its preset too."""
     if name not in MODEL_KINDS:
-        why = "; it is no longer fitted" if name in RETIRED else ""
-        raise InputError(f'model "{name}": expected one of {", ".join(MODEL_KINDS)}{why}')
+        raise InputError(f'model "{name}": expected one of {", ".join(MODEL_KINDS)}')
     kind = MODEL_KINDS[name]
     if preset not in (None, kind.preset):
         presets = [f"{each.preset} of {each.name}" for each in _KINDS if each.preset is not None]

@@ -1,50 +1,45 @@
-"""A fitted model brought up to date by minutes of a new day: what drifted moves, what is still true stays.
+"""A fitted model brought up to date by minutes of a new day: zero, scale and friction as one Bayesian mean.
 
-Friction of coupled joints comes first: where a day shows another level of it (friction_level.py), the model is taken
-there. Then each joint gets a new zero and scale, slopes of the correction and of the position, unless contiguous blocks
-of the new rows that these were not fitted to show no smaller mean RMSE than without, by one standard error of the
-paired differences (Breiman et al., Classification and Regression Trees, 1984, 3.4.3).
+What a day changes is, of each joint, a zero and slopes of its correction and of its position; and of joints that
+friction couples the level of each element's friction, in its logarithm, whose effect is the derivative of all
+corrections by it. All are the mean of one linear regression [Bishop, Pattern Recognition and Machine Learning, 2006,
+section 3.3], taken anew where the level lies. Before the day a drift may be as large as what its rows show, of the zero
+as of each slope over the trained range, and friction has a spread of _LEVEL_SPREAD.
 
-Blocks of one minute tell nothing of where that minute did not go, and neighbouring rows are hardly independent. A joint
-is seen anew once it has swept half of the trained range and come back: before, a zero cannot be told from the side of
-the slack on which it lies. So zero and scale are the mean of what is known once minutes are over [Bayesian linear
-regression; Bishop, Pattern Recognition and Machine Learning, 2006, section 3.3]: a look for each two sweeps, with an
-error as large as the model claims or these rows leave, and a drift that may be as large as what the rows show, of the
-zero as of each slope over the trained range.
+Neighbouring rows are hardly independent, and minutes tell nothing of where they did not go: rows count as a look for
+each two sweeps of half the trained range, before which a zero cannot be told from the side of the slack on which the
+joint lies, with an error as large as the model's intervals claim or the regression leaves. A joint keeps its model
+where blocks of time that are left out in turn show no gain, by one standard error of the paired differences (Breiman et
+al., Classification and Regression Trees, 1984, 3.4.3); friction its level, by two.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from statistics import NormalDist
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.conformal import estimate_intervals, rmse_of_other_minutes
-from catenary.calibration.dataset import CalibrationData
-from catenary.calibration.evaluate import CrossValidation
-from catenary.calibration.expansion import Expansion
+from catenary.calibration.dataset import CalibrationData, usable_rows
+from catenary.calibration.evaluate import CrossValidation, rms
 from catenary.calibration.fit_rows import largest_shown
-from catenary.calibration.friction_level import DayLevel
 from catenary.calibration.intervals import Intervals
-from catenary.calibration.model import AnyPredictor, CalibrationModel, JointGroup
-from catenary.calibration.predictors import Constant, Linear, Quadratic
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE
-from catenary.calibration.valid_range import MIN_RANGE, ValidRange, standardisation
 from catenary.errors import InputError
 from catenary.units import DISPLAY
 
 UNCHANGED, ZERO_AND_SCALE, FRICTION_LEVEL = "nothing", "zero and scale", "friction level"
-REFRESH_BLOCKS = 8  # of time, on which candidates are judged
-MIN_REFRESH_ROWS = 40  # five a block
+_BLOCKS = 8  # of time, on which changes are judged
+_MIN_ROWS = 40  # five a block
 _RESOLUTION_SI = 1e-9  # [rad|m] differences that no encoder shows
-_SCALE_RIDGE = 1e-3  # of the rows' own spread: correction and position may resemble each other
 _SWEEP_SHARE = 0.5  # of the trained range, from one side to the other, that makes a sweep
 MIN_SWEEPS = 10  # of a joint, of which fewer are told
-_CLOSE_SHARE = 0.01  # of the best candidate's error: what is better by less is not worth a larger change
+_CLOSE_SHARE = 0.01  # of the error: what is better by less is not worth a change
+_LEVEL_SPREAD = 0.4  # of a day's friction, in its logarithm, about the model's
+_LEVEL_STEP, _LARGEST_LEVEL, _LOOKS_AT_LEVEL = 0.25, 1.5, 5  # of its derivative; of logarithms; times it is taken anew
 
 
 @dataclass(frozen=True)
@@ -71,170 +66,203 @@ class Refreshed(NamedTuple):
     left: Floats  # (N, n) on blocks that the refreshed model's candidates were not fitted to [rad|m]
 
 
-def refresh_model(model: CalibrationModel, data: CalibrationData, day: DayLevel | None = None) -> Refreshed:
-    """Bring a model up to date with rows of a new day, or those of `day`, at its level of friction.
+def refresh_model(model: CalibrationModel, data: CalibrationData, recordings: Recordings | None = None) -> Refreshed:
+    """Bring a model up to date with rows of a new day; with the recordings that they are of, its level of friction too.
 
-    Rows outside the valid range count, and widen it, where the predictor with a new zero is nearer to the truth there
-    than the fixed offset with one, on blocks, for every joint of its group. Elsewhere the predictor is changed by the
-    rows inside alone. Intervals are the wider of the old ones and those of errors left on blocks, or none.
+    Rows outside the valid range, where the fixed offset is used, change nothing but, where there are few others, that.
+    Intervals are the wider of the old ones and those of errors left on blocks, or none.
     """
-    model, data = (model, data) if day is None else (day.model, day.data)
     data.require(model, model.features)
-    if len(data) < MIN_REFRESH_ROWS:
-        raise InputError(f"data: {len(data)} usable rows of the new day, expected at least {MIN_REFRESH_ROWS}")
-    block = np.arange(len(data)) * REFRESH_BLOCKS // len(data)
-    inside = model.inside(data.X)
-    offset, left = model.offset.copy(), np.empty_like(data.error)
-    groups: list[JointGroup] = []
-    notes: list[str] = []
-    found: dict[int, str] = {}
-    for group in model.groups:
-        new_group, how, of_group, moved, said = _refresh_group(model, group, data, block, inside[:, group.joints[0]])
-        groups.append(new_group)
-        left[:, list(group.joints)] = of_group
-        notes += said
-        offset[list(group.joints)] += moved
-        found |= dict(zip(group.joints, how, strict=True))
-    old = model.correction(data.X, data.q_nominal) if day is None else data.error - day.before
-    if day is not None:
-        told = ", ".join(f"{name} {factor:.2f}" for name, factor in day.factors.items())
-        notes.append(f"friction of this day over the model's: {told}")
-        found |= {j: FRICTION_LEVEL if found[j] == UNCHANGED else f"{FRICTION_LEVEL}, {found[j]}" for j in day.joints}
-    refreshed = replace(model, offset=offset, largest=np.full(len(offset), ANY_SIZE), groups=tuple(groups))
-    change = refreshed.correction(data.X, data.q_nominal) - old
+    if len(data) < _MIN_ROWS:
+        raise InputError(f"data: {len(data)} usable rows of the new day, expected at least {_MIN_ROWS}")
+    block = np.arange(len(data)) * _BLOCKS // len(data)
+    old, seen = model.correction(data.X, data.q_nominal), _swept(model, data)
+    nothing = np.zeros((*data.error.shape, 0))
+    day, notes, names = _Day(model, data, np.zeros(0), nothing), list[str](), list(model.joint_names)
+    found = day.mean(block, seen)
+    how = [""] * len(names)
+    if recordings is not None and model.features.friction is not None:
+        coupled = [name.removeprefix("q:") for name in model.features.friction.positions]
+        other = _at_its_level(day, recordings, block, seen)
+        shown = other.mean(block, seen)
+        if _pays_level(found.left, shown.left, block, [names.index(name) for name in coupled]):
+            day, found = other, shown
+            how = [FRICTION_LEVEL if name in coupled else "" for name in names]
+            factors = zip(coupled, np.exp(day.level).tolist(), strict=False)
+            notes.append(f"friction of this day over the model's: {', '.join(f'{n} {f:.2f}' for n, f in factors)}")
+    left, moved, adjustment = day.residual.copy(), np.zeros(len(names)), model.adjusted.copy()
+    for j, name in enumerate(names):
+        inside = day.inside[:, j]
+        if not inside.all():
+            notes.append(f"{name}: {1.0 - inside.mean():.1%} of the new rows lie outside the valid range")
+        rows = day.used(j)
+        if _pays(day.residual[rows, j], found.left[rows, j], block[rows]):
+            how[j] = ", ".join(filter(None, (how[j], ZERO_AND_SCALE)))
+            if seen[j][1] < MIN_SWEEPS:
+                notes.append(_too_local(name, seen[j]))
+            slopes, zero = found.slopes[j], found.zeros[j]
+            moved[j] = (zero + day.correction[rows, j] * slopes[0] + data.q_nominal[rows, j] * slopes[1]).mean()
+            left[:, j] = np.where(rows, found.left[:, j], left[:, j] - moved[j])
+            adjustment[:, j] = adjustment[:, j] * (1.0 + slopes[0]) + [0.0, slopes[1], zero]
+    refreshed = replace(
+        day.model, offset=model.offset + moved, adjustment=adjustment, largest=np.full(len(names), ANY_SIZE)
+    )
+    change = refreshed.correction(day.data.X, data.q_nominal) - old
     # where the new rows did not go, corrections moved as far as on them
-    largest = np.maximum(model.largest + np.abs(change).max(axis=0), largest_shown(refreshed, data))
+    largest = np.maximum(model.largest + np.abs(change).max(axis=0), largest_shown(refreshed, day.data))
     refreshed = replace(refreshed, largest=largest)
     if model.intervals is not None:
-        inside = refreshed.correct(data.X, data.q_nominal)[1]
-        errors = CrossValidation((), data.error - offset, left, inside, data.recording)
-        was, new = model.intervals, estimate_intervals(errors, level=model.intervals.level)
-        if new is None:
+        inside = refreshed.correct(day.data.X, data.q_nominal)[1]
+        errors = CrossValidation((), data.error - refreshed.offset, left, inside, data.recording)
+        refreshed = replace(refreshed, intervals=_wider(model.intervals, errors))
+        if refreshed.intervals is None:
             notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
-        else:  # minutes show where intervals are too narrow, not that they are too wide
-            near = np.maximum(was.inside, new.inside)
-            new = Intervals(was.level, near, np.maximum(near, np.maximum(was.outside, new.outside)))
-        refreshed = replace(refreshed, intervals=new)
-    scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
-    before, after = (np.sqrt(np.mean(np.square(e), axis=0)) for e in (data.error - old, left))
-    promise = rmse_of_other_minutes(left)
-    numbers = (scale * np.array([change.mean(axis=0), before, after, *promise])).T.tolist()
+    before = data.error - old
+    scale, promise = np.array([DISPLAY[unit][1] for unit in model.joint_units]), rmse_of_other_minutes(left)
+    of_errors = (np.sqrt(np.mean(np.square(each), axis=0)) for each in (before, left))
+    numbers = (scale * np.array([change.mean(axis=0), *of_errors, *promise])).T.tolist()
     changes = tuple(
-        JointChange(name, DISPLAY[unit][0], found[j], *numbers[j])
-        for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))
+        JointChange(name, DISPLAY[unit][0], how[j] or UNCHANGED, *numbers[j])
+        for j, (name, unit) in enumerate(zip(names, model.joint_units, strict=True))
     )
-    return Refreshed(refreshed, changes, tuple(notes), data.error - old, left)
+    return Refreshed(refreshed, changes, tuple(notes), before, left)
 
 
-def adjusted(predictor: AnyPredictor, scale: Floats, bias: Floats, linear: Floats) -> AnyPredictor:
-    """Return a predictor of scale y + bias + X @ linear; a constant becomes linear, a network gets a line beside it."""
-    if isinstance(predictor, Constant):
-        value = scale * predictor.value + bias
-        return Linear(linear, value) if linear.any() else Constant(value)
-    if isinstance(predictor, Linear):
-        return Linear(scale * predictor.weights + linear, scale * predictor.bias + bias)
-    if isinstance(predictor, Quadratic):
-        return replace(
-            predictor,
-            linear=scale * predictor.linear + predictor.scale[:, None] * linear,
-            quadratic=scale * predictor.quadratic,
-            bias=scale * predictor.bias + bias + predictor.mean @ linear,
-        )
-    if isinstance(predictor, Expansion):
-        weights, terms, width = scale * predictor.weights, predictor.terms, len(linear)
-        weights[:width] += terms.scale[:, None] * linear  # its first terms are the features
-        return replace(predictor, weights=weights, bias=scale * predictor.bias + bias + terms.middle @ linear)
-    skip = predictor.skip
-    if skip is not None:
-        skip = Linear(scale * skip.weights + linear, scale * skip.bias)
-    elif linear.any():
-        skip = Linear(linear, np.zeros(len(scale)))
-    return replace(
-        predictor,
-        weights=(*predictor.weights[:-1], scale * predictor.weights[-1]),
-        biases=(*predictor.biases[:-1], scale * predictor.biases[-1]),
-        out_mean=scale * predictor.out_mean + bias,
-        skip=skip,
-    )
-
-
-def _refresh_group(
-    model: CalibrationModel, group: JointGroup, data: CalibrationData, block: Integers, inside: Flags
-) -> tuple[JointGroup, list[str], Floats, Floats, list[str]]:
-    """Return the new group, what became of its joints, errors left (N, m) on blocks, the offset's move, and notes."""
-    joints = list(group.joints)
-    names = ", ".join(model.joint_names[j] for j in joints)
-    X, q = np.ascontiguousarray(data.X[:, group.columns]), data.q_nominal[:, joints]
-    correction = group.predictor.predict(X) - (q if model.target == "position" else 0.0)
-    error = data.error[:, joints]
-    of_offset, notes = error - model.offset[joints], list[str]()
-    outside = ~inside
-    if outside.any():
-        share = f"{names}: {outside.mean():.1%} of the new rows lie outside the valid range"
-        a, b = (
-            [np.square(_left_on_blocks(_zero_of(block), each, block)[outside]).mean() for each in errors.T]
-            for errors in (error - correction, of_offset)
-        )
-        if np.less_equal(a, b).all():
-            notes = [f"{share}; the model holds there, and its range now takes them in"]
-            inside = np.ones(len(data), dtype=bool)
-            group = replace(group, valid_range=_widened(group.valid_range, data.X[:, group.watched]))
-        else:
-            notes = [f"{share}, where the fixed offset is used; the model does not hold there"]
-    rows = np.flatnonzero(inside)
-    if len(rows) < MIN_REFRESH_ROWS:
-        return _only_offset(group, of_offset, block, notes)
-    residual, parts = (error - correction)[rows], block[rows]
-    how, left, own = list[str](), of_offset.copy(), [model.features.names[c] for c in group.columns]
-    scale, bias, linear = np.ones(len(joints)), np.zeros(len(joints)), np.zeros((len(group.columns), len(joints)))
-    for k, joint in enumerate(joints):
-        position = f"q:{model.joint_names[joint]}"
-        place = own.index(position) if position in own else None
-        trained = _trained(group, model, joint)
-        seen = _motion_shown(data.q_nominal[:, joint], trained)
-        held = _held(model, joint, correction[rows, k], q[rows, k], place, trained, seen[1])
-        without = _left_on_blocks(held, residual[:, k], parts)
-        moved_it = pays(residual[:, k], without, parts)
-        how.append(ZERO_AND_SCALE if moved_it else UNCHANGED)
-        left[rows, k] = without if moved_it else residual[:, k]
-        if moved_it:
-            if seen[1] < MIN_SWEEPS:
-                notes.append(_too_local(model.joint_names[joint], seen))
-            columns, regression = held
-            slopes, bias[k] = regression(columns, residual[:, k])
-            if len(slopes):
-                scale[k] += slopes[0]
-                if place is not None:
-                    # a model of positions gives q + correction: what its slope would take of q is given back
-                    linear[place, k] = slopes[1] - (slopes[0] if model.target == "position" else 0.0)
-    predictor = adjusted(group.predictor, scale, bias, linear)
-    moved = (predictor.predict(X[rows]) - group.predictor.predict(X[rows])).mean(axis=0)
-    left[outside & ~inside] -= moved
-    return replace(group, predictor=predictor), how, left, moved, notes
-
-
-def _trained(group: JointGroup, model: CalibrationModel, joint: int) -> tuple[float, float] | None:
-    """Return mean and range of a joint's positions in training; None where the model asks nothing of them."""
-    name, watched = f"q:{model.joint_names[joint]}", [model.features.names[c] for c in group.watched]
-    if name not in watched:
+def _wider(old: Intervals, errors: CrossValidation) -> Intervals | None:
+    """Return the wider of two: minutes show where intervals are too narrow, not that they are too wide."""
+    new = estimate_intervals(errors, level=old.level)
+    if new is None:
         return None
-    place, known = watched.index(name), group.valid_range
+    inside = np.maximum(old.inside, new.inside)
+    return Intervals(old.level, inside, np.maximum(inside, np.maximum(old.outside, new.outside)))
+
+
+class _Mean(NamedTuple):
+    """The mean of what a day changed."""
+
+    level: Floats  # (m,) change of the logarithm of each element's friction
+    slopes: Floats  # (n, 2) of corrections and of positions
+    zeros: Floats  # (n,) [rad|m]
+    left: Floats  # (N, n) errors of means without each row's block [rad|m]
+
+
+class _Day:
+    """The rows of a day, and a model at a level of friction."""
+
+    def __init__(self, model: CalibrationModel, data: CalibrationData, level: Floats, by_level: Floats) -> None:
+        self.model, self.data = model, data
+        self.level, self.by_level = level, by_level  # (m,) in logarithms; (N, n, m) slopes of corrections
+        self.correction, self.inside, _ = model.correct(data.X, data.q_nominal)
+        self.residual = data.error - self.correction
+
+    def used(self, joint: int) -> Flags:
+        """Return the rows that tell of a joint's model, (N,): all where hardly one lies in its valid range."""
+        inside = self.inside[:, joint]
+        return inside if inside.sum() >= _MIN_ROWS else np.ones_like(inside)
+
+    def mean(self, block: Integers, seen: list[tuple[float, int]]) -> _Mean:
+        """Return the mean of the level and of all joints' zeros and slopes, from rows in blocks (N,)."""
+        n, m = len(seen), len(self.level)
+        sums, moments = np.zeros((_BLOCKS, m + 3 * n, m + 3 * n)), np.zeros((_BLOCKS, m + 3 * n))
+        spread, designs = np.full(m + 3 * n, _LEVEL_SPREAD**2), []
+        for j in range(n):
+            rows, (middle, unit) = self.used(j), self._trained(j)
+            columns = (np.column_stack([self.correction[:, j], self.data.q_nominal[:, j]]) - middle) / unit
+            columns *= self.inside[:, j].sum() >= _MIN_ROWS  # of the fixed offset the zero alone
+            A, y = np.column_stack([self.by_level[:, j], np.ones(len(rows)), columns]), self.residual[:, j]
+            own = np.append(np.arange(m), m + 3 * j + np.arange(3))
+            noise, spread[own[m:]] = self._noise(j, A[rows], y[rows])
+            weight = 0.5 * (seen[j][1] + 1) / (noise * rows.sum())
+            designs.append((A, own, middle, unit))
+            for k in range(_BLOCKS):
+                part = rows & (block == k)
+                sums[k][np.ix_(own, own)] += weight * A[part].T @ A[part]
+                moments[k][own] += weight * A[part].T @ y[part]
+        prior = np.append(-self.level, np.zeros(3 * n)) / spread
+        total, moment, left = (
+            sums.sum(axis=0) + np.diag(1.0 / spread),
+            moments.sum(axis=0) + prior,
+            self.residual.copy(),
+        )
+        for k in range(_BLOCKS):
+            mean = np.linalg.solve(total - sums[k], moment - moments[k])
+            for j, (A, own, _, _) in enumerate(designs):
+                left[block == k, j] -= A[block == k] @ mean[own]
+        mean = np.linalg.solve(total, moment)
+        of_joints = mean[m:].reshape(n, 3)
+        slopes = of_joints[:, 1:] / np.array([unit for *_, unit in designs])
+        zeros = of_joints[:, 0] - np.sum(slopes * [middle for _, _, middle, _ in designs], axis=1)
+        return _Mean(mean[:m], slopes, zeros, left)
+
+    def _trained(self, joint: int) -> tuple[Floats, Floats]:
+        """Return middle and spread of a joint's correction and position in training, (2,) each."""
+        model, rows = self.model, self.used(joint)
+        offset, centre, box = model.offset[joint], *trained_range(model, joint)
+        largest = 0.5 * (model.largest[joint] - abs(offset))
+        moved = max(rms(self.correction[rows, joint] - offset), largest if largest < ANY_SIZE / 4.0 else 0.0)
+        unit = np.array([moved, box / np.sqrt(12.0)])
+        return np.array([offset, centre]), np.where(unit > 0.0, unit, 1.0)
+
+    def _noise(self, joint: int, A: Floats, y: Floats) -> tuple[float, float]:
+        """Return the variances of a look's error and of a drift: as the model claims, and as rows show."""
+        claimed, intervals = 0.0, self.model.intervals
+        if intervals is not None:
+            claimed = intervals.inside[joint] / NormalDist().inv_cdf(0.5 + 0.5 * intervals.level)
+        left = y - A @ np.linalg.lstsq(A, y, rcond=1e-6)[0]
+        noise = max(float(np.square(left).mean()), claimed**2, _RESOLUTION_SI**2)
+        return noise, max(noise, float(np.square(y).mean()))
+
+
+def _at_its_level(day: _Day, recordings: Recordings, block: Integers, seen: list[tuple[float, int]]) -> _Day:
+    """Return a day with the model at the level of friction that its recordings show (Gauss-Newton)."""
+    friction = day.model.features.friction
+    assert friction is not None  # for the type checker
+    elements = np.eye(len(friction.directions))
+    level = np.zeros(len(elements))
+
+    def at(level: Floats) -> tuple[CalibrationModel, CalibrationData]:
+        thresholds = tuple(map(tuple, (np.array(friction.thresholds) * np.exp(level)).tolist()))
+        features = replace(day.model.features, friction=replace(friction, thresholds=thresholds))
+        return replace(day.model, features=features), usable_rows(recordings, features)
+
+    def correction(level: Floats) -> Floats:
+        model, data = at(level)
+        return model.correction(data.X, data.q_nominal)
+
+    for look in range(_LOOKS_AT_LEVEL):
+        ends = [[correction(level + sign * _LEVEL_STEP * e) for sign in (1, -1)] for e in elements]
+        by_level = np.stack([(high - low) / (2.0 * _LEVEL_STEP) for high, low in ends], axis=-1)
+        day = _Day(*at(level), level, by_level)
+        if look + 1 < _LOOKS_AT_LEVEL:
+            level = np.clip(level + day.mean(block, seen).level, -_LARGEST_LEVEL, _LARGEST_LEVEL)
+    return day
+
+
+def trained_range(model: CalibrationModel, joint: int) -> tuple[float, float]:
+    """Return mean and range of a joint's positions in training; zeros where the model asks nothing of them."""
+    name, group = f"q:{model.joint_names[joint]}", next(each for each in model.groups if joint in each.joints)
+    watched, known = [model.features.names[c] for c in group.watched], group.valid_range
+    if name not in watched:
+        return 0.0, 0.0
+    place = watched.index(name)
     return float(known.mean[place]), float(known.upper[place] - known.lower[place]) * known.seen
 
 
-def _motion_shown(q: Floats, trained: tuple[float, float] | None) -> tuple[float, int]:
-    """Return which share of a joint's trained range new rows show, and how often they sweep half of it or more."""
-    if trained is None:
-        return 1.0, len(q)  # nothing is known of its training
-    box = trained[1]
-    sweeps, low, high, up = 0, q[0], q[0], None
-    for value in q.tolist():
-        if up is not True and value - low >= _SWEEP_SHARE * box:
-            sweeps, up, high = sweeps + 1, True, value
-        elif up is not False and high - value >= _SWEEP_SHARE * box:
-            sweeps, up, low = sweeps + 1, False, value
-        low, high = min(low, value), max(high, value)
-    return float(np.ptp(q)) / max(box, _RESOLUTION_SI), sweeps
+def _swept(model: CalibrationModel, data: CalibrationData) -> list[tuple[float, int]]:
+    """Return which share of each joint's trained range new rows show, and how often they sweep half of it or more."""
+    found = []
+    for joint, q in enumerate(data.q_nominal.T):
+        box = trained_range(model, joint)[1]
+        sweeps, low, high, up = 0, q[0], q[0], None
+        for value in q.tolist() if box > 0.0 else ():
+            if up is not True and value - low >= _SWEEP_SHARE * box:
+                sweeps, up, high = sweeps + 1, True, value
+            elif up is not False and high - value >= _SWEEP_SHARE * box:
+                sweeps, up, low = sweeps + 1, False, value
+            low, high = min(low, value), max(high, value)
+        # where nothing is known of its training, each row is a sweep
+        found.append((float(np.ptp(q)) / box, sweeps) if box > 0.0 else (1.0, len(q)))
+    return found
 
 
 def _too_local(name: str, seen: tuple[float, int]) -> str:
@@ -244,24 +272,14 @@ def _too_local(name: str, seen: tuple[float, int]) -> str:
     )
 
 
-def _only_offset(
-    group: JointGroup, of_offset: Floats, block: Integers, notes: list[str]
-) -> tuple[JointGroup, list[str], Floats, Floats, list[str]]:
-    """Return a group whose predictor stays: hardly a row is inside its range, and only the fixed offset may move."""
-    how, moved, left = list[str](), np.zeros(of_offset.shape[1]), of_offset.copy()
-    for k, error in enumerate(of_offset.T):
-        without = _left_on_blocks(_zero_of(block), error, block)
-        moved_it = pays(error, without, block)
-        how.append(ZERO_AND_SCALE if moved_it else UNCHANGED)
-        left[:, k] = without if moved_it else error
-        moved[k] = error.mean() if moved_it else 0.0
-    return group, how, left, moved, notes
+def _rmse_on(block: Integers, errors: Floats) -> Floats:
+    """Return RMSE on each block (N,) of errors (N, m), (K, m)."""
+    return np.array([np.sqrt(np.mean(np.square(errors[block == k]), axis=0)) for k in np.unique(block)])
 
 
-def pays(before: Floats, left: Floats, block: Integers) -> bool:
+def _pays(before: Floats, left: Floats, block: Integers) -> bool:
     """Return whether a change leaves less on blocks that it did not see: by one standard error, and by 1 %, (N,)."""
-    both = np.stack([before, left])
-    rmse = np.array([np.sqrt(np.mean(np.square(both[:, block == k]), axis=1)) for k in np.unique(block)])  # (K, 2)
+    rmse = _rmse_on(block, np.column_stack([before, left]))
     if len(rmse) < 2:
         return False
     gain = rmse[:, 0] - rmse[:, 1]
@@ -269,86 +287,7 @@ def pays(before: Floats, left: Floats, block: Integers) -> bool:
     return bool(gain.mean() > least)
 
 
-def _widened(old: ValidRange, watched: Floats) -> ValidRange:
-    """Return a valid range that also holds new rows (N, F)."""
-    projection = (watched - old.mean) @ old.axes
-    return replace(
-        old,
-        lower=np.minimum(old.lower, watched.min(axis=0)),
-        upper=np.maximum(old.upper, watched.max(axis=0)),
-        # a projection rounds otherwise in the loop
-        axis_lower=np.minimum(old.axis_lower, projection.min(axis=0) - MIN_RANGE),
-        axis_upper=np.maximum(old.axis_upper, projection.max(axis=0) + MIN_RANGE),
-    )
-
-
-# columns (N, c), and what returns slopes (c,) and a zero by which some rows of them predict residuals
-_Design = tuple[Floats, Callable[[Floats, Floats], tuple[Floats, float]]]
-
-
-def _ridge(columns: Floats, y: Floats, ridge: float = 0.0) -> tuple[Floats, float]:
-    """Regress y (N,) on standardised columns (N, c), held by `ridge`, with a zero that is not held."""
-    mean, scale = standardisation(columns)
-    Z = (columns - mean) / scale
-    slopes = np.linalg.solve(Z.T @ Z + ridge * len(Z) * np.eye(Z.shape[1]), Z.T @ (y - y.mean())) / scale
-    return slopes, float(y.mean() - mean @ slopes)
-
-
-def _zero_of(rows: NDArray[Any]) -> _Design:
-    return np.zeros((len(rows), 0)), _ridge
-
-
-def _held(
-    model: CalibrationModel,
-    joint: int,
-    correction: Floats,
-    q: Floats,
-    place: int | None,
-    trained: tuple[float, float] | None,
-    sweeps: int,
-) -> _Design:
-    """Return the design of a joint's zero, and slopes of its correction and position (N,), by `regress_held`."""
-    offset = model.offset[joint]
-    largest = 0.5 * (model.largest[joint] - abs(offset))
-    moved = max(np.sqrt(np.square(correction - offset).mean()), largest if np.isfinite(largest) else 0.0)
-    centre, box = (0.0, 0.0) if trained is None else trained
-    claimed = 0.0
-    if model.intervals is not None:
-        claimed = model.intervals.inside[joint] / NormalDist().inv_cdf(0.5 + 0.5 * model.intervals.level)
-    # a slope of the correction is one of the position too, where positions are what the model gives
-    taken = 2 if place is not None else 0 if model.target == "position" else 1
-    trained_on = np.array([[offset, centre], [moved, box / np.sqrt(12.0)]])[:, :taken]
-    shown = partial(regress_held, trained=trained_on, rows=len(q), looks=0.5 * (sweeps + 1), claimed=float(claimed))
-    return np.column_stack([correction, q])[:, :taken], shown
-
-
-def regress_held(
-    columns: Floats,
-    y: Floats,
-    *,
-    trained: Floats,  # (2, c) middle of the trained range, where the zero is told, and its spread
-    rows: int,  # of which these are some
-    looks: float,  # that they are worth
-    claimed: float,  # [rad|m] standard deviation of the error that the model claims; 0 when it claims none
-) -> tuple[Floats, float]:
-    """Return slopes (c,) and a zero as far as minutes show them: a Bayesian regression, see the top of the file."""
-    slopes, zero = _ridge(columns, y, _SCALE_RIDGE)
-    noise = max(float(np.square(y - zero - columns @ slopes).mean()), claimed**2, _RESOLUTION_SI**2)
-    drift = max(noise, float(np.square(y).mean()))
-    middle, unit = trained[0], np.where(trained[1] > 0.0, trained[1], 1.0)
-    A = np.column_stack([np.ones(len(y)), (columns - middle) / unit])
-    held = noise / drift * rows / looks * np.eye(A.shape[1])
-    found = np.linalg.solve(A.T @ A + held, A.T @ y)
-    slopes = found[1:] / unit
-    return slopes, float(found[0] - middle @ slopes)
-
-
-def _left_on_blocks(design: _Design, residual: Floats, block: Integers) -> Floats:
-    """Return what a regression on a design leaves of residuals (N,) on blocks that it did not see."""
-    (columns, regression), left = design, residual.copy()
-    names = np.unique(block)
-    for k in names if len(names) > 1 else ():
-        new = block == k
-        slopes, zero = regression(columns[~new], residual[~new])
-        left[new] -= columns[new] @ slopes + zero
-    return left
+def _pays_level(before: Floats, left: Floats, block: Integers, joints: list[int]) -> bool:
+    """Return whether coupled joints gain by another level, in their errors' logarithm, by two standard errors."""
+    gain = np.log(_rmse_on(block, before[:, joints]) / _rmse_on(block, left[:, joints])).mean(axis=1)
+    return bool(gain.mean() > max(2.0 * gain.std(ddof=1) / np.sqrt(len(gain)), _CLOSE_SHARE))

@@ -5,7 +5,7 @@ schedule of the learning rate for Adam.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.calibration.predictors import Activation, Network
+from catenary.calibration.predictors import Network
 from catenary.calibration.valid_range import standardisation
 from catenary.kernels.compiled import compiled, inlined
 from catenary.side_by_side import Progress, silent
@@ -44,27 +44,11 @@ def _tanh(x: np.float32) -> np.float32:
 
 
 @compiled
-def tanh_units(layer: Singles, bias: Singles) -> None:
-    """Write tanh(layer + bias) into layer (N, units)."""
-    for row in range(layer.shape[0]):
-        for k in range(layer.shape[1]):
-            layer[row, k] = _tanh(layer[row, k] + bias[k])
-
-
-@compiled
 def logistic_units(layer: Singles, bias: Singles) -> None:
     """Write 1 / (1 + exp(-layer - bias)) into layer (N, units)."""
     for row in range(layer.shape[0]):
         for k in range(layer.shape[1]):
             layer[row, k] = _HALF + _HALF * _tanh(_HALF * (layer[row, k] + bias[k]))
-
-
-@compiled
-def tanh_slopes(delta: Singles, layer: Singles) -> None:
-    """Multiply delta (N, units) by the slope of tanh where it gave `layer`."""
-    for row in range(layer.shape[0]):
-        for k in range(layer.shape[1]):
-            delta[row, k] *= _ONE - layer[row, k] * layer[row, k]
 
 
 @compiled
@@ -116,18 +100,15 @@ class Adam:
 
 
 class TrainedNetwork:
-    """Layers of units; the last one is linear."""
+    """Layers of sigmoid units; the last one is linear."""
 
-    def __init__(self, widths: Sequence[int], activation: Activation, seed: int) -> None:
+    def __init__(self, widths: Sequence[int], seed: int) -> None:
         """Draw weights and biases uniformly [Glorot and Bengio 2010]."""
-        self._activate, self._slopes = (
-            (logistic_units, logistic_slopes) if activation == "logistic" else (tanh_units, tanh_slopes)
-        )
         self.weights: list[Singles] = []
         self.biases: list[Singles] = []
         rng = np.random.RandomState(seed)
         for below, width in pairwise(widths):
-            bound = np.sqrt((2.0 if activation == "logistic" else 6.0) / (below + width))
+            bound = np.sqrt(2.0 / (below + width))
             self.weights.append(rng.uniform(-bound, bound, (below, width)).astype(np.float32))
             self.biases.append(rng.uniform(-bound, bound, width).astype(np.float32))
         self._adam = Adam(self._parameters)
@@ -154,7 +135,7 @@ class TrainedNetwork:
         for k, (weights, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             layer = np.matmul(layers[-1], weights, out=self._room(f"layer {k}", rows, weights, axis=1))
             if k + 1 < len(self.weights):
-                self._activate(layer, bias)
+                logistic_units(layer, bias)
             else:
                 layer += bias
             layers.append(layer)
@@ -171,7 +152,7 @@ class TrainedNetwork:
                 delta = np.matmul(delta, weights.T, out=room)
                 if others.activity_l2:
                     delta += others.activity_l2 * Y.shape[1] * layer
-                self._slopes(delta, layer)
+                logistic_slopes(delta, layer)
         last = len(self.weights) - (not others.output)
         if others.l1:
             for slope, weights in zip(by_weights[:last], self.weights[:last], strict=True):
@@ -191,7 +172,6 @@ class NetworkSettings:
     """Size of a network, and how it is trained."""
 
     hidden: tuple[int, ...]
-    activation: Activation
     l2: float  # factor of the sum of squared weights beside the mean squared error
     learning_rate: float
     batch: int
@@ -202,14 +182,7 @@ class NetworkSettings:
 # Peng et al., section IV-B: two hidden layers of 100 sigmoid units, mean squared error, L2 5e-4 on the kernels,
 # Adam 1e-3 (0.9, 0.999), batch 1024, 200 epochs. Not stated, and as in the first author's public code of a companion
 # study (RAVEN-2-Feature-Ablation): inputs and outputs are standardised, penalties are on hidden layers alone.
-_HIDDEN_ONLY = Penalties(output=False)
-PAPER = NetworkSettings((100, 100), "logistic", 5e-4, 1e-3, 1024, 200, penalties=_HIDDEN_ONLY)
-# Section II-H, for all 138 columns of the robot's state: kernel L1 1e-5 and L2 1e-4, bias L2 1e-4, activity L2 1e-5. It
-# is not stated of which layers: here of the hidden ones.
-PAPER_LARGER = NetworkSettings(
-    (600, 500, 400), "logistic", 1e-4, 1e-3, 1024, 200,
-    penalties=replace(_HIDDEN_ONLY, l1=1e-5, bias_l2=1e-4, activity_l2=1e-5),
-)  # fmt: skip
+PAPER = NetworkSettings((100, 100), 5e-4, 1e-3, 1024, 200, penalties=Penalties(output=False))
 
 
 def fit_neural(X: Floats, Y: Floats, settings: NetworkSettings, *, seed: int, progress: Progress = silent) -> Network:
@@ -227,7 +200,7 @@ def _train(X: Floats, Y: Floats, settings: NetworkSettings, seed: int, progress:
     # single precision trains twice as fast, as Keras does
     Z, wanted = ((X - mean) / scale).astype(np.float32), target.astype(np.float32)
     rng = np.random.default_rng(seed)
-    network = TrainedNetwork((Z.shape[1], *settings.hidden, wanted.shape[1]), settings.activation, seed)
+    network = TrainedNetwork((Z.shape[1], *settings.hidden, wanted.shape[1]), seed)
     for epoch in range(settings.epochs):
         order = rng.permutation(len(Z))
         for rows in np.array_split(order, range(settings.batch, len(Z), settings.batch)):
@@ -236,4 +209,4 @@ def _train(X: Floats, Y: Floats, settings: NetworkSettings, seed: int, progress:
             )
         progress((epoch + 1) / settings.epochs)
     weights, biases = (tuple(each.astype(np.float64) for each in some) for some in (network.weights, network.biases))
-    return Network(mean, scale, weights, biases, settings.activation, out_mean, out_scale)
+    return Network(mean, scale, weights, biases, "logistic", out_mean, out_scale)

@@ -1,59 +1,67 @@
-"""Fitted functions of features: a constant, a linear function, a polynomial of second order, a network; regression.
+"""Fitted functions of features: linear in terms of them, which a constant and a polynomial are too, or a network.
 
-They are NumPy arrays with names, and the compiled steps that evaluate them; networks are trained in neural.py. Arrays
-that do not fit together, or hold NaN or infinity, are refused when a predictor is made.
+They are NumPy arrays with names, and the compiled steps that evaluate them; networks are trained in neural.py, the
+learner's terms are weighed in learned.py. Arrays that do not fit together, or hold NaN or infinity, are refused.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import ClassVar, Literal, Self, get_args
+from typing import Annotated, Literal, get_args
 
 import numpy as np
+from pydantic import Field
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration import arithmetic
-from catenary.calibration.arithmetic import Step
+from catenary.calibration.terms import Terms
 from catenary.calibration.valid_range import standardisation
 from catenary.cards import StoredFloats
 from catenary.errors import InputError
+from catenary.kernels import rows as arithmetic
+from catenary.kernels.bind import Step, blocks, run
+from catenary.kernels.compiled import compiled
 
 Activation = Literal["logistic", "tanh"]
+
+
+@dataclass(frozen=True)
+class Leverage:
+    """How much less than of usual rows a regression knows of a row, and what that widens (extrapolation.py)."""
+
+    sketch: StoredFloats  # (C, K) combinations of terms whose squares, with their constants, are the leverage of a row
+    constants: StoredFloats  # (K,)
+    usual: float  # leverage beyond which errors grow
+    factor: StoredFloats  # (m,) by which they do
+    widening: StoredFloats  # (m,) times as large as on blocks of training is an error where joints meet otherwise
 
 
 class Predictor(ABC):
     """A fitted function of features (N, F) to (N, m)."""
 
-    by_output: ClassVar[tuple[str, ...]] = ()  # arrays whose last axis is the outputs
+    leverage: Leverage | None
 
     @property
     @abstractmethod
-    def shape(self) -> tuple[int | None, int]:
-        """Numbers of features F, None where any number will do, and of outputs m."""
+    def shape(self) -> tuple[int, int]:
+        """Numbers of features F and of outputs m."""
 
     @property
+    @abstractmethod
     def width(self) -> int:
         """Columns of the widest array between features and outputs."""
-        return max(self.shape[0] or 0, self.shape[1])
 
     @abstractmethod
-    def steps(self, X: Floats, Y: Floats) -> list[Step]:
-        """Return the compiled steps that write the outputs Y (N, m) for features X (N, F)."""
-
-    def of(self, outputs: Sequence[int]) -> Self:
-        """Return the function that gives only some of the outputs, each to the bit as before."""
-        taken = list(outputs)
-        parts = {name: getattr(self, name)[..., taken] for name in self.by_output}
-        return replace(self, **parts)  # type: ignore[type-var]  # those below are dataclasses
+    def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:
+        """Return the compiled steps from features X (N, F) to outputs Y (N, m), and leverage beyond usual (N, 1)."""
 
     def predict(self, X: Floats) -> Floats:
         """Return outputs (N, m) for features (N, F)."""
         inputs, outputs = self.shape
         X = as_array("features", X, (None, inputs), finite=False)
         Y = np.empty((len(X), outputs))
-        for rows in arithmetic.blocks(len(X), self.width):
-            arithmetic.run(self.steps(X[rows], Y[rows]))
+        for rows in blocks(len(X), self.width):
+            run(self.steps(X[rows], Y[rows]))
         return Y
 
     def _keep(self, shapes: Mapping[str, tuple[int | None, ...]]) -> None:
@@ -62,83 +70,55 @@ class Predictor(ABC):
 
 
 @dataclass(frozen=True)
-class Constant(Predictor):
-    """y = value for any features."""
+class Expansion(Predictor):
+    """y = bias + terms(x) @ weights."""
 
-    value: StoredFloats  # (m,)
-    kind: Literal["constant"] = "constant"
-    by_output: ClassVar[tuple[str, ...]] = ("value",)
-
-    def __post_init__(self) -> None:
-        self._keep({"value": (None,)})
-
-    @property
-    def shape(self) -> tuple[int | None, int]:  # noqa: D102
-        return None, len(self.value)
-
-    def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
-        return [Step(arithmetic.repeat, (self.value,), (Y,))]
-
-
-@dataclass(frozen=True)
-class Linear(Predictor):
-    """y = X @ weights + bias."""
-
-    weights: StoredFloats  # (F, m) in units of y per unit of the feature
+    terms: Terms
+    weights: StoredFloats  # (C, m)
     bias: StoredFloats  # (m,)
-    kind: Literal["linear"] = "linear"
-    by_output: ClassVar[tuple[str, ...]] = ("weights", "bias")
+    penalties: StoredFloats | None = None  # (m, groups) that the weights were fitted with (learned.py)
+    leverage: Leverage | None = None
+    kind: Literal["expansion"] = "expansion"
 
     def __post_init__(self) -> None:
-        self._keep({"weights": (None, None), "bias": (np.shape(self.weights)[-1],)})
+        self._keep({"bias": (None,), "weights": (len(self.terms), len(self.bias))})
+        if self.leverage is not None:
+            m, combinations = len(self.bias), len(self.leverage.constants)
+            as_array("sketch", self.leverage.sketch, (len(self.terms), combinations))
+            for name in ("factor", "widening"):
+                as_array(name, getattr(self.leverage, name), (m,))
 
     @property
-    def shape(self) -> tuple[int | None, int]:  # noqa: D102
-        return len(self.weights), len(self.bias)
-
-    def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
-        return [Step(arithmetic.dense, (X, self.weights, self.bias), (Y,))]
-
-
-@dataclass(frozen=True)
-class Quadratic(Predictor):
-    """y = bias + z @ linear + sum_ij z_i z_j quadratic_ij, z = (x - mean) / scale, i <= j row by row."""
-
-    mean: StoredFloats  # (F,)
-    scale: StoredFloats  # (F,)
-    linear: StoredFloats  # (F, m)
-    quadratic: StoredFloats  # (F (F + 1) / 2, m), pairs (0, 0), (0, 1), ..., (1, 1), ...
-    bias: StoredFloats  # (m,)
-    kind: Literal["quadratic"] = "quadratic"
-    by_output: ClassVar[tuple[str, ...]] = ("linear", "quadratic", "bias")
-
-    def __post_init__(self) -> None:
-        inputs, m = len(self.mean), len(self.bias)
-        pairs = inputs * (inputs + 1) // 2
-        self._keep({"mean": (inputs,), "scale": (inputs,), "bias": (m,)})
-        self._keep({"linear": (inputs, m), "quadratic": (pairs, m)})
-
-    @property
-    def shape(self) -> tuple[int | None, int]:  # noqa: D102
-        return len(self.mean), len(self.bias)
+    def shape(self) -> tuple[int, int]:  # noqa: D102
+        return len(self.terms.middle), len(self.bias)
 
     @property
     def width(self) -> int:  # noqa: D102
-        return len(self.linear) + len(self.quadratic)
+        return len(self.terms)
 
-    def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
-        weights = np.vstack([self.linear, self.quadratic])
-        Z, P = np.empty(X.shape), np.empty((len(X), len(weights)))
-        return [
-            Step(arithmetic.standardise, (X, self.mean, self.scale), (Z,)),
-            Step(arithmetic.monomials, (Z,), (P,)),
-            Step(arithmetic.dense, (P, weights, self.bias), (Y,)),
-        ]
+    def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:  # noqa: D102
+        Z = np.empty((len(X), len(self.terms)))
+        steps = [self.terms.step(X, Z), Step(arithmetic.dense, (Z, self.weights, self.bias), (Y,))]
+        if beyond is not None and self.leverage is not None:
+            known, P = self.leverage, np.empty((len(X), len(self.leverage.constants)))
+            steps.append(Step(arithmetic.dense, (Z, known.sketch, known.constants), (P,)))
+            steps.append(Step(excess, (P, np.array([known.usual])), (beyond,)))
+        return steps
+
+
+@compiled
+def excess(P: Floats, usual: Floats, beyond: Floats) -> None:
+    """Write by how much the sum of squares of rows P (N, K) is beyond `usual` (1,), (N, 1); 0 where it is not."""
+    for row in range(len(P)):
+        total = -usual[0]
+        for k in range(P.shape[1]):
+            total += P[row, k] * P[row, k]
+        beyond[row, 0] = total if total > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
 class Network(Predictor):
-    """y = out_mean + out_scale * layers(z) + skip(x), z = (x - mean) / scale; the last layer is linear."""
+    """y = out_mean + out_scale * layers(z), z = (x - mean) / scale; the last layer is linear."""
 
     mean: StoredFloats  # (F,)
     scale: StoredFloats  # (F,)
@@ -147,7 +127,7 @@ class Network(Predictor):
     activation: Activation
     out_mean: StoredFloats  # (m,)
     out_scale: StoredFloats  # (m,)
-    skip: Linear | None = None  # a linear model that the network corrects
+    leverage: None = None
     kind: Literal["network"] = "network"
 
     def __post_init__(self) -> None:
@@ -164,51 +144,41 @@ class Network(Predictor):
         biases = tuple(as_array(f"biases {k}", b, (None,)) for k, b in enumerate(self.biases))
         object.__setattr__(self, "weights", weights)
         object.__setattr__(self, "biases", biases)
-        if self.skip is not None and self.skip.weights.shape != (widths[0], widths[-1]):
-            raise InputError(
-                f"skip: expected weights of shape {(widths[0], widths[-1])}, got {self.skip.weights.shape}"
-            )
 
     @property
-    def shape(self) -> tuple[int | None, int]:  # noqa: D102
+    def shape(self) -> tuple[int, int]:  # noqa: D102
         return len(self.mean), len(self.out_mean)
 
     @property
     def width(self) -> int:  # noqa: D102
         return max(len(self.mean), *map(len, self.biases))
 
-    def steps(self, X: Floats, Y: Floats) -> list[Step]:  # noqa: D102
+    def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:  # noqa: D102
         activate = arithmetic.tanh if self.activation == "tanh" else arithmetic.logistic
         layer = np.empty(X.shape)
         steps = [Step(arithmetic.standardise, (X, self.mean, self.scale), (layer,))]
         for weights, bias in zip(self.weights, self.biases, strict=True):
             below, layer = layer, np.empty((len(X), len(bias)))
             steps += [Step(arithmetic.dense, (below, weights, bias), (layer,)), Step(activate, (), (layer,))]
-        of_layers, of_skip = (Y, Y) if self.skip is None else (np.empty(Y.shape), np.empty(Y.shape))
         # the last layer is linear
-        steps[-1:] = [Step(arithmetic.rescale, (layer, self.out_scale, self.out_mean), (of_layers,))]
-        if self.skip is not None:
-            steps += [*self.skip.steps(X, of_skip), Step(arithmetic.total, (of_layers, of_skip), (Y,))]
-        return steps
-
-    def of(self, outputs: Sequence[int]) -> "Network":  # noqa: D102
-        taken = list(outputs)
-        return replace(
-            self,
-            weights=(*self.weights[:-1], self.weights[-1][:, taken]),
-            biases=(*self.biases[:-1], self.biases[-1][taken]),
-            out_mean=self.out_mean[taken],
-            out_scale=self.out_scale[taken],
-            skip=None if self.skip is None else self.skip.of(outputs),
-        )
+        return [*steps[:-1], Step(arithmetic.rescale, (layer, self.out_scale, self.out_mean), (Y,))]
 
 
-def fit_offset(X: Floats, Y: Floats) -> Constant:
+AnyPredictor = Annotated[Expansion | Network, Field(discriminator="kind")]
+
+
+def linear(weights: Floats, bias: Floats) -> Expansion:
+    """Return y = X @ weights (F, m) + bias (m,)."""
+    inputs = len(weights)
+    return Expansion(Terms.plain(np.zeros(inputs), np.ones(inputs)), weights, bias)
+
+
+def fit_offset(X: Floats, Y: Floats) -> Expansion:
     """Fit the mean of Y (N, m): the paper's baseline, the average bias over the training data."""
-    return Constant(Y.mean(axis=0))
+    return linear(np.zeros((X.shape[1], Y.shape[1])), Y.mean(axis=0))
 
 
-def fit_linear(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Linear:
+def fit_linear(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Expansion:
     """Fit Y (N, m) as a linear function of the features X (N, F).
 
     Minimises ||Y - X W - b||^2 + ridge ||W||^2 on standardised X. Where the data do not determine W
@@ -217,10 +187,10 @@ def fit_linear(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Linear:
     mean, scale = standardisation(X)
     weights, bias = _least_squares((X - mean) / scale, Y, ridge)
     weights /= scale[:, None]
-    return Linear(weights, bias - mean @ weights)
+    return linear(weights, bias - mean @ weights)
 
 
-def fit_polynomial(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Quadratic:
+def fit_polynomial(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Expansion:
     """Fit Y (N, m) as a second-order polynomial of the features X (N, F).
 
     Ordinary least squares as in the paper when `ridge` is 0; otherwise ridge regression on the standardised
@@ -233,8 +203,8 @@ def fit_polynomial(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Quadratic:
     middle, spread = standardisation(monomials)
     weights, bias = _least_squares((monomials - middle) / spread, Y, ridge)
     weights /= spread[:, None]
-    n = X.shape[1]
-    return Quadratic(mean, scale, weights[:n], weights[n:], bias - middle @ weights)
+    pairs = np.column_stack(np.triu_indices(X.shape[1]))
+    return Expansion(Terms.plain(mean, scale, pairs), weights, bias - middle @ weights)
 
 
 def _least_squares(Z: Floats, Y: Floats, ridge: float) -> tuple[Floats, Floats]:

@@ -34,9 +34,8 @@ class SearchedRows(NamedTuple):
     fixed: Floats  # (N, F) positions and play states, and what else the model takes
     error: Floats  # (N, n)
     block: Integers  # (N,)
-    recording: Integers  # (N,)
-    # positions (L, n) of each motion as shares of ranges, which of its rows these are, and the number of its recording
-    paths: list[tuple[Floats, Integers, int]]
+    # positions (L, n) of each motion as shares of ranges, and which of its rows these are
+    paths: list[tuple[Floats, Integers]]
     ranges: Floats  # (n,)
     joint_names: tuple[str, ...]
 
@@ -46,10 +45,9 @@ class SearchedRows(NamedTuple):
         plays = [column for column, (along, _) in self.signals.play_columns.items() if along in own]
         return np.setdiff1d(np.arange(len(self.signals.names)), plays)
 
-    def of_paths(self, state: Callable[[Floats], Floats], only: int | None = None) -> Floats:
-        """Return states (N, S) at the rows, of all recordings or one; `state` gives them for paths (L, n)."""
-        parts = [state(path)[rows] for path, rows, number in self.paths if only in (None, number)]
-        return np.concatenate(parts)
+    def of_paths(self, state: Callable[[Floats], Floats]) -> Floats:
+        """Return states (N, S) at the rows; `state` gives them for paths (L, n)."""
+        return np.concatenate([state(path)[rows] for path, rows in self.paths])
 
 
 def searched_rows(recordings: Recordings, options: FitOptions, held_out: float) -> SearchedRows:
@@ -58,10 +56,10 @@ def searched_rows(recordings: Recordings, options: FitOptions, held_out: float) 
     taken = joint_inputs(logs[0]) if options.inputs is None else options.inputs
     plain = FitOptions("linear", inputs=taken, play=PLAY_SHARES, cables=options.cables)
     inputs = choose_inputs(recordings, plain, held_out=held_out)
-    fixed, errors, blocks, recording, paths = [], [], [], [], []
+    fixed, errors, blocks, paths = [], [], [], []
     ranges = np.ptp(np.vstack([log.q_nominal[: _seen(log, held_out)] for log in logs]), axis=0)
     scale = np.where(ranges > 0.0, ranges, 1.0)
-    for which, log in enumerate(logs):
+    for log in logs:
         if log.q_encoder is None:
             raise InputError(f'recording "{log.name}": has no q_encoder; a calibration needs measured joint positions')
         period = 0.0 if log.time is None else float(np.median(np.diff(log.time)))
@@ -78,18 +76,16 @@ def searched_rows(recordings: Recordings, options: FitOptions, held_out: float) 
             for begin, end in zip(part.starts, [*part.starts[1:], len(part)], strict=True):
                 sampled[begin:end:every] = True
                 at = np.flatnonzero(usable[begin:end:every])
-                paths.append((part.q_nominal[begin:end:every] / scale, at, which))
+                paths.append((part.q_nominal[begin:end:every] / scale, at))
             at = np.flatnonzero(usable & sampled)
             fixed.append(X[at])
             errors.append(error[at])
-            recording.append(np.full(len(at), which))
             whole = first == 0 and last == _seen(log, held_out)
             blocks.append(
                 np.arange(len(at)) * _BLOCKS // max(1, len(at)) if whole else np.full(len(at), number % _BLOCKS)
             )
-    numbers = (np.concatenate(blocks), np.concatenate(recording))
     X, error = np.vstack(fixed), np.vstack(errors)
-    return SearchedRows(inputs.features, X, _held(X, error), *numbers, paths, scale, logs[0].joint_names)
+    return SearchedRows(inputs.features, X, _held(X, error), np.concatenate(blocks), paths, scale, logs[0].joint_names)
 
 
 def _held(X: Floats, error: Floats) -> Floats:
@@ -120,40 +116,24 @@ def _windows(rows: int, recordings: int, every: int) -> list[tuple[int, int, int
 
 
 class SumsBeside:
-    """Sums of products over each block of some columns (N, F) and an output (N,), to which others are added."""
+    """Sums of products over each block of some columns (N, F) and outputs (N, m), to which others are added."""
 
-    def __init__(self, X: Floats, y: Floats, block: Integers) -> None:
+    def __init__(self, X: Floats, Y: Floats, block: Integers) -> None:
+        mean, scale = standardisation(X)
+        columns = np.hstack([(X - mean) / scale, np.ones((len(X), 1)), Y])
         self._rows = [np.flatnonzero(block == k) for k in np.unique(block)]
-        self._parts = _parts(X, y[:, None], block)
-        self._sums = [part.T @ part for part in self._parts]
+        self._parts = [columns[rows] for rows in self._rows]
+        self._sums, self._own = [part.T @ part for part in self._parts], X.shape[1]
 
     def errors(self, P: Floats) -> Floats:
-        """Return RMSE on each block (K, 1) of a regression on all others, with columns P (N, C) added."""
+        """Return RMSE on each block (K, m) of a regression on all others, with columns P (N, C) added."""
         mean, scale = standardisation(P)
-        P = (P - mean) / scale
-        sums = []
+        P, sums = (P - mean) / scale, []
         for rows, part, own in zip(self._rows, self._parts, self._sums, strict=True):
             across = P[rows].T @ part
             sums.append(np.block([[P[rows].T @ P[rows], across], [across.T, own]]))
-        return errors_on_blocks(np.array(sums), 1)
-
-
-def sums_over_blocks(X: Floats, Y: Floats, block: Integers) -> tuple[Floats, int]:
-    """Return sums of products of standardised columns, a one and Y over each block, (K, F + 1 + m, ...), and m."""
-    return np.array([part.T @ part for part in _parts(X, Y, block)]), Y.shape[1]
-
-
-def _parts(X: Floats, Y: Floats, block: Integers) -> list[Floats]:
-    """Return standardised columns, a one and Y of each block's rows."""
-    mean, scale = standardisation(X)
-    columns = np.hstack([(X - mean) / scale, np.ones((len(X), 1)), Y])
-    return [columns[block == k] for k in np.unique(block)]
-
-
-def errors_on_blocks(sums: Floats, m: int) -> Floats:
-    """Return RMSE on each block of a regression on all others, (K, m), from `sums_over_blocks`."""
-    squares = squares_left_out(sums, np.full(sums.shape[1] - m - 1, MEMORY_RIDGE))
-    return np.sqrt(np.maximum(squares, 1e-30))
+        squares = squares_left_out(np.array(sums), np.full(P.shape[1] + self._own, MEMORY_RIDGE))
+        return np.sqrt(np.maximum(squares, 1e-30))
 
 
 def is_gain(before: Floats, after: Floats, least: float = MIN_LOG_GAIN) -> bool:

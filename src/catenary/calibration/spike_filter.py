@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from catenary.arrays import Flags, Floats, Integers
+from catenary.arrays import Flags, Floats
 from catenary.kernels.compiled import compiled
 from catenary.plant import MotionLog
 
@@ -15,8 +15,6 @@ _CONFIRM_ROWS = 3  # rows in a row that have not returned are the truth: the joi
 # several per cent of the rows (_SEVERAL_ROWS of them, each counting less by _FADE_FACTOR a row later), nothing is
 # a spike.
 _FAST_SHARE, _FADE_FACTOR, _SEVERAL_ROWS = 0.5, 0.98, 1.5
-# what a row is to a joint: its motion goes on; perhaps a spike; back from one; part of another motion
-ON, AWAY, BACK, ANOTHER = 0, 1, 2, 3
 
 
 def room_of(log: MotionLog, period: float | None) -> Floats:
@@ -49,40 +47,35 @@ def find_leaps(
     limits: Floats,  # (J,) largest step to the next row
     room: Floats,  # (N,) see `room_of`
     seen: Floats,  # (J, 3) last believed position, how many rows leapt since, and the room of these rows
-    strange: Floats,  # (2,) steps of another motion, as far as they are remembered, and rows of one, counted
+    fast: Floats,  # (1,) steps of another motion, as far as they are remembered
     rejected: Floats,  # (J,) counts rows that were spikes
-    course: Integers,  # (N, J) receives what each row is: ON, AWAY, BACK or ANOTHER
+    away: Flags,  # (N, J) receives whether a row is not believed of a joint
     leaping: Flags,  # (N,) receives whether a row leaps, and is not known to be no spike
 ) -> None:
-    """Find positions that leap farther than a joint can have gone since the last believed one, and whether they return.
+    """Find positions that leap farther than a joint can have gone since the last believed one.
 
     A leap was a spike when one of the next _CONFIRM_ROWS does not leap. In another motion every position is believed.
     """
     for row in range(len(positions)):
-        fast, leaping[row] = 0.0, False
+        leaping[row] = False
+        fast[0] *= _FADE_FACTOR
+        believed, added = fast[0] >= _SEVERAL_ROWS, 0.0
         for j in range(len(limits)):
-            q = positions[row, j]
-            course[row, j] = AWAY
+            away[row, j] = True
             seen[j, 2] += room[row]
-            if not np.isfinite(q):
+            if not np.isfinite(positions[row, j]):
                 continue
-            step = abs(q - seen[j, 0])  # NaN of the first, which is no leap
+            step = abs(positions[row, j] - seen[j, 0])  # NaN of the first, which is no leap
             if step > limits[j] * seen[j, 2]:
                 seen[j, 1] += 1.0
-                if seen[j, 1] < _CONFIRM_ROWS:
-                    leaping[row] = True
+                doubted = seen[j, 1] < _CONFIRM_ROWS
+                leaping[row] = leaping[row] or doubted
+                if doubted and not believed:
                     continue
-                course[row, j] = ON
             else:
-                course[row, j] = BACK if seen[j, 1] > 0.0 else ON
                 rejected[j] += seen[j, 1]
             if step > _FAST_SHARE * limits[j] * seen[j, 2]:
-                fast = 1.0
-            seen[j, 0], seen[j, 1], seen[j, 2] = q, 0.0, 0.0
-        strange[0] = _FADE_FACTOR * strange[0] + fast
-        if strange[0] >= _SEVERAL_ROWS:
-            strange[1] += 1.0
-            for j in range(len(limits)):
-                course[row, j] = ANOTHER
-                if np.isfinite(positions[row, j]):
-                    seen[j, 0], seen[j, 1], seen[j, 2] = positions[row, j], 0.0, 0.0
+                added = 1.0
+            away[row, j] = False
+            seen[j, 0], seen[j, 1], seen[j, 2] = positions[row, j], 0.0, 0.0
+        fast[0] += added

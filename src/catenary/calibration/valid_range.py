@@ -6,10 +6,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from catenary.arrays import Flags, Floats, as_array
-from catenary.calibration.arithmetic import Step, between, dense, repeat, standardise
+from catenary.arrays import Flags, Floats, Integers, as_array
 from catenary.calibration.intervals import MAX_HALF_RANGES, distance
 from catenary.cards import StoredFloats
+from catenary.kernels.bind import Step
+from catenary.kernels.compiled import compiled
+from catenary.kernels.rows import between, dense, repeat, standardise
 
 MIN_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -35,29 +37,24 @@ class ValidRange:
                 shape = (width, width) if name == "axes" else (width,)
                 object.__setattr__(self, name, as_array(name, values, shape))
 
-    def steps(self, X: Floats, inside: Flags, far: Floats | None = None, *, to_edges: bool = False) -> list[Step]:
+    def steps(self, X: Floats, inside: Flags, far: Floats, *, to_edges: bool = False) -> list[Step]:
         """Return steps that clear flags (N,) of rows of X (N, F) outside; `far` (N, 1) is for intervals.py.
 
         It is 1 at the edges with `to_edges`; else it says of both boxes alike how far training rows reach.
         """
         centred, projection = np.empty_like(X), np.empty_like(X)
         ones, zeros = np.ones(len(self.lower)), np.zeros(len(self.lower))
-        distances: list[Step] = []
-        if far is not None:
-            middle, half = 0.5 * (self.axis_lower + self.axis_upper), 0.5 * (self.axis_upper - self.axis_lower)
-            half *= 1.0 if to_edges else self.axes_seen / self.seen
-            distances = [
-                Step(repeat, (np.zeros(1),), (far,)),
-                # along an axis that hardly moved a little is far: beyond the edge, joints tell how far
-                Step(distance, (projection, middle - half, middle + half, np.ones(1)), (far,)),
-                Step(distance, (X, self.lower, self.upper, np.array([MAX_HALF_RANGES])), (far,)),
-            ]
+        middle, half = 0.5 * (self.axis_lower + self.axis_upper), 0.5 * (self.axis_upper - self.axis_lower)
+        half *= 1.0 if to_edges else self.axes_seen / self.seen
         return [
             Step(between, (X, self.lower, self.upper), (inside,)),
             Step(standardise, (X, self.mean, ones), (centred,)),
             Step(dense, (centred, self.axes, zeros), (projection,)),
             Step(between, (projection, self.axis_lower, self.axis_upper), (inside,)),
-            *distances,
+            Step(repeat, (np.zeros(1),), (far,)),
+            # along an axis that hardly moved a little is far: beyond the edge, joints tell how far
+            Step(distance, (projection, middle - half, middle + half, np.ones(1)), (far,)),
+            Step(distance, (X, self.lower, self.upper, np.array([MAX_HALF_RANGES])), (far,)),
         ]
 
 
@@ -86,3 +83,34 @@ def standardisation(X: Floats) -> tuple[Floats, Floats]:
     """Return mean and standard deviation of each column; 1 for one that does not vary, so that it weighs nothing."""
     mean, scale = X.mean(axis=0), X.std(axis=0)
     return mean, np.where(scale > 1e-12 * (1.0 + np.abs(mean)), scale, 1.0)
+
+
+@compiled
+def choose(
+    prediction: Floats,  # (N, m) what is predicted of `joints`; one that is not finite is not to be trusted
+    known: Flags,  # (N,) whether the features are inside the valid range
+    q: Floats,  # (N, n) reported positions; where one is not finite, nothing is known of that joint
+    joints: Integers,  # (m,) which of the n joints
+    far: Floats,  # (N, 1) see `intervals.distance`
+    fade: Floats,  # (2,) from where to where on the way out a prediction becomes the fixed offset
+    adjustment: Floats,  # (4, n) share of q in a prediction; factors of its error and of q, and what is added
+    offset: Floats,  # (n,) fixed offsets
+    reach: Floats,  # (n,) largest errors that are believed
+    lower: Floats,  # (n,) calibrated positions that are believed
+    upper: Floats,  # (n,)
+    correction: Floats,  # (N, n) receives them
+    inside: Flags,  # (N, n) receives whether each is a prediction
+) -> None:
+    """Write the predicted errors of some joints, or their fixed offset where the prediction is not to be trusted."""
+    for row in range(len(q)):
+        for k in range(len(joints)):
+            joint, position = joints[k], q[row, joints[k]]
+            error = adjustment[1, joint] * (prediction[row, k] - adjustment[0, joint] * position)
+            error += adjustment[2, joint] * position + adjustment[3, joint]
+            trusted = known[row] and np.isfinite(position) and abs(error) <= reach[joint]
+            trusted = trusted and lower[joint] <= position + error <= upper[joint]
+            correction[row, joint] = error if trusted else offset[joint]
+            if trusted and far[row, 0] > fade[0]:
+                share = (far[row, 0] - fade[0]) / (fade[1] - fade[0])
+                correction[row, joint] += (share if share < 1.0 else 1.0) * (offset[joint] - error)
+            inside[row, joint] = trusted

@@ -116,6 +116,9 @@ def import_recording(
     out: Path | None = option("LOG", f"Motion log to write, e.g. lab.parquet. {NAMED_AS_TYPED}", writes=LOG),
     units: str | None = option("U,U,...", "rad, deg, m or mm per joint, or one for all, where a mapping has none."),
     robot: str | None = option("ROBOT", "Catalogue name or file: names and units of the joints."),
+    clock: Sequence[str] = option(
+        "SECONDS,PPM", "By which the clock of other files than q_nominal's is ahead, and gains; FILE=... of one."
+    ),
     yes: bool = option(None, "Accept the proposed mapping, unless a question is open.", False),
     answer: Sequence[str] = option("QUESTION=ANSWER", "Answer an open question, as q_encoder=cam; repeatable."),
 ) -> None:
@@ -131,7 +134,7 @@ def import_recording(
     from catenary.recording.import_formats.proposal import answers_of
     from catenary.workflows.import_recording import import_to_file, known_layout, propose_mapping
 
-    mapping, answers = foreign.read(units, robot=robot), answers_of(answer)
+    mapping, answers = foreign.read(units, robot=robot, clock=clock or None), answers_of(answer)
     layout = None if answers else known_layout(sources, robot=robot)
     if mapping is None and layout is None and not ((yes or answers) and out is not None):
         proposal = propose_mapping(sources, units=units, robot=robot, answers=answers)
@@ -149,7 +152,15 @@ def import_recording(
         raise InputError("--out: where does the log go? expected --out LOG.parquet")
     with progress_bar("import") as progress:
         done = import_to_file(
-            out, sources, mapping, units=units, robot=robot, accept_proposal=yes, answers=answers, progress=progress
+            out,
+            sources,
+            mapping,
+            units=units,
+            robot=robot,
+            accept_proposal=yes,
+            answers=answers,
+            clock=clock,
+            progress=progress,
         )
     log = done.log
     doubts = [f"{each.name}: {each}" for each in done.findings if each.refuses]

@@ -11,12 +11,12 @@ import catenary
 from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS
 from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.options import REPORT, REQUIRED, Names, Numbers, argument, group, numbers, option, values_of, words
-from catenary.cli.out_files import MODEL, NAMED_AS_TYPED
+from catenary.cli.out_files import MODEL, NAMED_AS_TYPED, PARAMETERS
 from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelRecordingOptions, RecordingOptions
 from catenary.cli.terminal import print_page, print_result, progress_bar
 from catenary.errors import InputError
 from catenary.files import card_path
-from catenary.reports.page import Block, Heading, picture
+from catenary.reports.page import Block, Heading, Table, picture
 from catenary.side_by_side import on_workers
 
 if TYPE_CHECKING:
@@ -128,7 +128,7 @@ def fit(
 class HeldModel(ModelRecordingOptions):
     """A model, and recordings that it is held against."""
 
-    model: Path = argument("MODEL", "A model that catenary fit or refresh wrote.")
+    model: Path = argument("MODEL", "A model that catenary fit or refresh wrote; for drift also of identify.")
     data: Sequence[Path] = RECORDINGS
     max_error: Numbers | None = MAX_ERROR
     accept: Sequence[str] = ACCEPT
@@ -211,8 +211,13 @@ def drift(
     .card.json: errors, delays and zeros by date. The exit code is 1 if a joint's errors at the end are beyond what the
     model promises, or if a recording has a fault other than drift.
 
+    Of parameters that catenary identify wrote it prints zeros, gains, loads and friction that differ in recordings.
+
     Example: catenary drift arm.npz monday.parquet tuesday.parquet --report drift.html
     """
+    if held.model.is_file() and PARAMETERS.is_one(held.model):
+        _arm_drift(held)
+        return
     from catenary.calibration.model_drift import since_in_words
     from catenary.reports.drift import drift_tables, write_drift_report
     from catenary.workflows.calibration_model import card_history, drift_summary
@@ -233,14 +238,26 @@ def drift(
         raise typer.Exit(FAULT_FOUND)
 
 
+def _arm_drift(held: HeldModel) -> None:
+    from catenary.workflows.identify import changes_of_files
+
+    if held.report is not None or held.max_error is not None:
+        raise InputError("drift: --report and --max-error do not go with an arm's parameters")
+    changes, notes = changes_of_files(held.model, held.data, reading=held.reading(), accept=held.accept)
+    table = Table(["recording", "finding", ("joints", lambda one: ", ".join(one.joints)), "says"], changes, "Changes")
+    content = {"changes": [one._asdict() for one in changes], "notes": notes}
+    print_result(content, table if changes else "nothing differs from what was identified", notes=notes)
+    if changes:
+        raise typer.Exit(FAULT_FOUND)
+
+
 def _print_fit(out: Path, result: "FitResult") -> None:
-    from catenary.reports.joint_errors import coverage_table, error_table, left_out_table, spread_table
+    from catenary.reports.joint_errors import coverage_table, error_table, spread_table
     from catenary.workflows.calibration_model import interval_summary, warnings_of
 
     held_out, card = result.held_out, card_path(out)
     notes = [*result.notes, *([] if held_out is None else warnings_of(held_out))]
     parts: list[Any] = [spread_table(result.spread)] if result.spread else []
-    parts += [left_out_table(result.left_out)] if result.left_out else []
     if held_out is not None:
         parts.append(error_table(held_out, title="RMSE and largest error on the held-out part"))
         parts.append(coverage_table(held_out))
@@ -253,7 +270,6 @@ def _print_fit(out: Path, result: "FitResult") -> None:
         "inputs": list(result.model.features.names),
         "cross_validation": [asdict(joint) for joint in result.spread],
         "held_out": None if held_out is None else [asdict(joint) for joint in held_out.joints],
-        "left_out": [asdict(joint) for joint in result.left_out],
         "intervals": None if held_out is None else interval_summary(held_out),
         "notes": notes,
     }
@@ -263,13 +279,11 @@ def _print_fit(out: Path, result: "FitResult") -> None:
 def _write_fit_report(path: Path, result: "FitResult", robot: "catenary.RobotModel | None") -> None:
     from catenary.calibration.evaluate import evaluate as evaluate_rows
     from catenary.reports.calibration import write_calibration_report
-    from catenary.reports.joint_errors import CAPTION, left_out_table, overlay
+    from catenary.reports.joint_errors import CAPTION, overlay
     from catenary.verdict.mend import retimed_by
 
     overlays = (picture(overlay(log, retimed_by(log)), f"{log.name}. {CAPTION}") for log in result.logs)
     further: list[Block] = [Heading("Delay"), *overlays]
-    if result.left_out:
-        further += [Heading("Rows left out"), left_out_table(result.left_out)]
     tested_on, evaluation = "the held-out part of each recording", result.held_out
     if evaluation is None:
         tested_on = "the data that it was fitted to; the cross-validation below is the honest error"

@@ -52,7 +52,6 @@ class IdentificationOptions:
 
     terms: str = option("full|static", "All dynamics, or poses at rest.", "full")
     cutoff_hz: float | None = _CUT_OFF
-    period: int | None = option("N", "Samples of the motion's period. [default: the robot file's]", least=1)
     weighting: str | None = option("none|range|spread|residual", "Weight of the axes. [default: the robot file's]")
     consistent: bool = option(None, "Only physically possible parameters; or any that fit.", True, flag=_CONSISTENT)
     friction: Names | None = option("PART,...", _FRICTION_HELP)
@@ -70,7 +69,7 @@ class IdentificationOptions:
             self, "terms", "cutoff_hz", "weighting", "consistent", "prior", "rotors", "blocks"
         )
         return IdentifyOptions(
-            gravity=cast(Any, tuple(gravity.tolist())), period_samples=self.period, find_rotors=not self.no_rotors,
+            gravity=cast(Any, tuple(gravity.tolist())), find_rotors=not self.no_rotors,
             friction=FRICTION_PARTS if named is None else named, **asked,
         )  # fmt: skip
 

@@ -46,6 +46,8 @@ class RecordingOptions(MappingOptions):
     sign: Sequence[str] = _of_recordings("J", "This measured column has the wrong sign; tau:J of torques.")
     scale: Sequence[str] = _of_recordings("J=F", "Multiply this measured column; tau:J=F of torques.")
     offset: Sequence[str] = _of_recordings("J=X", "Add this to a measured column; q_nominal:J=X of positions [rad, m].")
+    couple: Sequence[str] = _of_recordings("J/J=F", "Add F times the second's measured column to the first's.")
+    clock: Sequence[str] = _of_recordings("SECONDS,PPM", "Time by which measurements lag at first, and how it grows.")
     delay: float = _of_recordings("SECONDS", "Time by which measurements lag the commands.", 0.0)
     shift: int = _of_recordings("ROWS", "The same in rows, for recordings without time stamps.", 0)
     time_unit: str = _of_recordings("UNIT", "Unit of the stamps: s, ms, us, ns, min or ks.", "s")
@@ -66,7 +68,9 @@ class RecordingOptions(MappingOptions):
         as_trained = not getattr(self, "as_is", False)
         array, given = (None, ()) if self.units is None else units_of(self.units)
         mapping = self.read(self.units if array is None else None, robot=robot)
-        typed = values_of(self, "swap", "sign", "scale", "offset", "delay", "shift", "time_unit", "leave_out")
+        typed = values_of(
+            self, "swap", "sign", "scale", "offset", "couple", "clock", "delay", "shift", "time_unit", "leave_out"
+        )
         is_mended = self.units is not None and (mapping is None or array is not None)
         mend = Mend(units=(self.units or "",) if is_mended else (), **typed)
         units = None if mapping is not None else si_units(given) or own_units

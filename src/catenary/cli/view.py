@@ -1,4 +1,4 @@
-"""catenary monitor, view: what a robot does, or a recording, in a terminal or in a browser; there it may be driven."""
+"""catenary monitor, view: what a robot does, in a terminal; it or a recording, in a browser; there it may be driven."""
 
 import os
 import sys
@@ -19,7 +19,6 @@ from catenary.errors import InputError
 from catenary.teleop.terminal import RawTerminal
 
 if TYPE_CHECKING:
-    from catenary.calibration.model import CalibrationModel
     from catenary.monitor import Snapshot
 
 
@@ -100,32 +99,23 @@ def _on_ros(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: 
 
 
 def _recording(what: str | None, log: Path | None, model: Path | None, recordings: ModelRecordingOptions) -> _Titled:
-    """Return a recording of a robot, or a project's."""
+    """Return a recording of a robot, or a project's, for a model and corrected as its training data if there is one."""
+    from catenary.calibration.model_file import load_model
     from catenary.view.replay import Replay, recorded_arm, shown_project
     from catenary.view.shapes import shapes_of
+    from catenary.workflows.calibration_model import recording_for
 
     robot, path = what, log or Path()
     if what is not None and _is_project(what):
         recorded, recommended, robot = shown_project(Path(what))
         path, model = log or recorded, model or recommended
-    recording, loaded = _played(path, model, recordings)
+    loaded = None if model is None else load_model(model)[0]
+    recording = recording_for(loaded, path, recordings.reading())
+    print_notes([note for note in recording.notes if note.startswith("corrected")])
     named = robot or recording.robot or "raven2"
     arm = catenary.load_robot(named)
     title = str(what if what is not None and log is None else path)
     return title, Replay(recorded_arm(recording, arm, loaded), shapes_of(named, arm)[0])
-
-
-def _played(
-    log: Path, model: Path | None, recordings: ModelRecordingOptions
-) -> "tuple[catenary.MotionLog, CalibrationModel | None]":
-    """Read a recording, for a model and corrected as its training data if there is one, and the model."""
-    from catenary.calibration.model_file import load_model
-    from catenary.workflows.calibration_model import recording_for
-
-    loaded = None if model is None else load_model(model)[0]
-    played = recording_for(loaded, log, recordings.reading())
-    print_notes([note for note in played.notes if note.startswith("corrected")])
-    return played, loaded
 
 
 def _is_project(what: str) -> bool:
@@ -136,46 +126,33 @@ def _is_project(what: str) -> bool:
     return is_project(Path(what))
 
 
-_LIVE = ("ros", "base_tilt_deg", "robot_seed")  # options of a robot that is watched
-
-
 @json_help("Print a line of JSON for each sample, SI.")
 def monitor(
     robot: WatchedRobot,
-    recordings: ModelRecordingOptions,
-    log: Path | None = option("FILE", "Play a recording: .parquet, .npz or .csv; others with --map.", not_with=_LIVE),
     model: Path | None = option("MODEL", "Calibration model: calibrated joints, valid range."),
-    speed: float = option(None, "With --log: factor on its own speed.", 1.0, goes_with="log"),
     rate: float | None = option("HZ", "Samples a second. [default: 25 on a screen, 1 in a pipe]"),
     seconds: float | None = option(None, "How long to watch. [default: until Q or Ctrl-C]"),
     gravity: str | None = GRAVITY_TOPIC,
 ) -> None:
-    """Show what a robot or a recording does.
+    """Show what a robot does; `catenary view --log` plays a recording.
 
     Joints, setpoints, torques, gravity, state, warnings; a robot is only read. In a terminal a screen that
     is drawn 25 times a second; in a pipe a line a second. Of a robot simulated here it also shows how far joints
     and tip really are from what is reported.
 
-    Example: catenary monitor --log demo/test.parquet --model demo/models/recommended.npz
+    Example: catenary monitor --model demo/models/recommended.npz
     """
     from catenary.monitor import plain_line
+    from catenary.workflows.robot.snapshots import watch_robot
 
     on_screen = sys.stdout.isatty() and sys.stdin.isatty() and not prints_json()
     hertz = rate if rate is not None else 25.0 if on_screen else 1.0
     if not 0.0 < hertz <= 200.0:
         raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
     with ExitStack() as stack:
-        if log is not None:
-            from catenary.workflows.robot.snapshots import watch_log
-
-            played, loaded = _played(log, model, recordings)
-            name, samples = log.name, watch_log(played, model=loaded, every=1.0 / hertz, speed=speed)
-        else:
-            from catenary.workflows.robot.snapshots import watch_robot
-
-            announce("preparing the robot ...")
-            opened = stack.enter_context(chosen_robot(robot, "monitor", moves=False, gravity=gravity))
-            name, samples = opened.name, watch_robot(opened, model=model, every=1.0 / hertz)
+        announce("preparing the robot ...")
+        opened = stack.enter_context(chosen_robot(robot, "monitor", moves=False, gravity=gravity))
+        name, samples = opened.name, watch_robot(opened, model=model, every=1.0 / hertz)
         try:
             if on_screen:
                 _on_screen(name, _until(samples, seconds), stack.enter_context(RawTerminal()))
@@ -211,5 +188,3 @@ def _on_screen(name: str, samples: "Iterator[Snapshot]", terminal: "RawTerminal"
         terminal.draw(monitor_lines(name, sample, *terminal.size, colour=colour))
         if terminal.ended is not None or b"q" in terminal.read().lower():
             return
-    while terminal.ended is None and b"q" not in terminal.read().lower():
-        time.sleep(0.05)  # the end of a recording stays on the screen

@@ -29,7 +29,7 @@ from catenary.gravity.payload import PER_LOAD, load_directions
 
 _SURE_PROBABILITY = 0.95  # what the carriers that are named together hold of all probability
 _TELLING_DEVIATIONS = 3.0  # standard deviations of torque by which carriers must differ for a pose to tell between them
-JOINT_STEPS = (-0.8, -0.4, 0.4, 0.8)  # [rad], a fifth of it in m: how far a joint is thought to move
+_JOINT_STEPS = (0.0, -0.8, -0.4, 0.4, 0.8)  # [rad], a fifth of it in m: how far a joint is thought to move
 # standard deviations of a large load's mass [kg] and of its moment about the frame's origin [kg m]
 LOAD_SIZE = (2.0, 0.3)
 _LOAD_OCTAVES = 0.5 ** np.arange(7.0)  # sizes of loads over that, each as likely beforehand: down to 30 g
@@ -186,20 +186,21 @@ def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
 def telling_joint(
     regressor: CompactRegressor, loads: Sequence[tuple[str, Floats]], q: Floats, gravity: Floats, noise: Floats
 ) -> str | None:
-    """Return the joint whose motion makes the torques of two loads differ most, None where no joint's would show it.
+    """Return the joint whose motion tells a load from another, or from a constant; None where no joint's does.
 
-    loads are a frame with mass and moment (4,) [kg, kg m] each; one joint is thought to move from q, within its limits;
-    noise is (n,) [Nm|N].
+    loads are a frame with mass and moment (4,) [kg, kg m] each, one or two; one joint is thought to move from q, within
+    its limits; noise is (n,) [Nm|N].
     """
     model = regressor.model
-    (first, one), (second, other) = loads
-    difference = load_directions(regressor, first) @ one - load_directions(regressor, second) @ other
+    first, *others = (load_directions(regressor, frame) @ load for frame, load in loads)
+    difference = first - sum(others, np.zeros_like(first))
     most, found = _TELLING_DEVIATIONS, None
     for joint, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
-        steps = np.array(JOINT_STEPS) * (1.0 if unit == "rad" else 0.2)
+        steps = np.array(_JOINT_STEPS) * (1.0 if unit == "rad" else 0.2)
         poses = np.tile(q, (len(steps), 1))
         poses[:, joint] = np.clip(q[joint] + steps, model.lower[joint], model.upper[joint])
-        differ = float(np.abs(regressor.Z(poses, gravity) @ difference / noise).max())
+        torque = regressor.Z(poses, gravity) @ difference
+        differ = float(np.abs((torque[1:] - (0.0 if others else torque[0])) / noise).max())
         if differ > 1.05 * most:  # of joints that tell as much, the first
             most, found = differ, name
     return found

@@ -12,7 +12,6 @@ found among physically consistent parameters that give the same torques, with li
 heavy.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import clarabel
@@ -20,40 +19,31 @@ import numpy as np
 from scipy import sparse
 
 from catenary.arrays import Floats
-from catenary.dynamics.torque_regressor import PER_LINK, link_parameters
+from catenary.dynamics.torque_regressor import PER_LINK
 from catenary.errors import InputError
 from catenary.identification.base_parameters import BaseParameters, random_configurations, random_gravity
-from catenary.identification.least_squares import joined, triangles
-from catenary.identification.parameters import FIRST_MOMENTS, Parameters
-from catenary.identification.samples import FOLDS, Samples, fold_of_rows
+from catenary.identification.file_masses import rows_of_file
+from catenary.identification.parameters import FIRST_MOMENTS
 from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import Unseen
 
 _LENGTH_M = 0.1  # [m] brings kg, kg m and kg m2 of arms to one size
 _MIN_EIGENVALUE_KG = 1e-6  # [kg] least eigenvalue of J in these units: above zero, so that a link has a centre of mass
 _SMALL_MASS_PENALTY = 1e-10  # of the squared torque per kg: what torques do not show is as little mass as may be
-MIN_PRIOR_WEIGHT = 1e-8  # of the squared torque: with a prior, what torques do not show is the prior's
 _COM_REACH_M = 0.5  # [m] from a link's frame to its centre of mass, at most, where no inertia tells
 
 
-def consistent_fit(
-    base: BaseParameters, R: Floats, prior: Floats | None = None, weight: float = MIN_PRIOR_WEIGHT
-) -> Floats:
+def consistent_fit(base: BaseParameters, R: Floats, drawn: Floats | None = None) -> Floats:
     """Return all parameters phi (k,) that minimise ||Y phi - tau||, of R of [Y_b | tau], among the consistent ones.
 
-    Where torques leave a choice, the smallest sum of pseudo-inertia traces is taken. With a prior J0 of the links (k,),
-    weight sum ||L^-1 (J - J0) L^-T||^2, J0 = L L^T, is added, in units of the squared torque, which depends on no units
-    and frames (Lee, Wensing, Park, IEEE Trans. Robotics 36(2), 2020); of links without mass in it nothing is expected.
+    Rows [D | d] of a prior, if there are any, are minimised beside, in units of tau. Where torques leave a choice, the
+    smallest sum of pseudo-inertia traces is taken.
     """
     b, k = base.combination.shape
     scale = parameter_scale(base)
-    size = float(np.linalg.norm(R[:, b]))
-    fit = (R[: b + 1, :b] / size) @ (base.combination * scale)
-    right = R[:, b] / size
-    if prior is not None:
-        drawn, towards = _prior_rows(base, prior, scale)
-        fit = np.vstack([fit, np.sqrt(weight) * drawn])
-        right = np.concatenate([right, np.sqrt(weight) * towards])
+    whole = np.column_stack([R[: b + 1, :b] @ base.combination, R[:, b]])
+    whole = (whole if drawn is None else np.vstack([whole, drawn])) / np.linalg.norm(R[:, b])
+    fit, right = whole[:, :k] * scale, whole[:, k]
     # variables: phi / scale, then the residuals, so that no matrix is squared
     rows = len(right)
     A = [sparse.hstack([sparse.csc_matrix(fit), -sparse.identity(rows)])]
@@ -106,35 +96,6 @@ def solve_program(quadratic: Any, linear: Floats, A: Any, right: Floats, cones: 
     return np.array(solution.x)
 
 
-def _prior_rows(base: BaseParameters, prior: Floats, scale: Floats) -> tuple[Floats, Floats]:
-    """Return rows D and values d of ||D phi / scale - d||^2, the distance of links from their prior."""
-    parameters = base.parameters
-    rows, values = [], []
-    for place in range(len(parameters.links)):
-        columns = parameters.link_columns(place)
-        own = prior[columns]
-        if not own[0] > 0.0:
-            continue
-        if parameters.per_link == PER_LINK:
-            J0 = pseudo_inertia(own)
-            J0 = J0 + 1e-3 * np.trace(J0[:3, :3]) * np.diag([1.0, 1.0, 1.0, 0.0])  # a point's has no inverse
-            inverse = np.linalg.inv(np.linalg.cholesky(J0))
-            block = np.column_stack([_triangle(inverse @ pseudo_inertia(e) @ inverse.T) for e in np.eye(10)])
-        else:  # a ball about the centre of mass that is expected
-            centre = own[1:] / own[0]
-            block = np.zeros((4, 4))
-            block[0, 0] = 1.0 / own[0]
-            block[1:, 0] = -centre / (own[0] * _LENGTH_M)
-            block[1:, 1:] = np.eye(3) / (own[0] * _LENGTH_M)
-        wide = np.zeros((len(block), len(scale)))
-        wide[:, columns] = block * scale[columns]
-        rows.append(wide)
-        values.append(block @ own)
-    if not rows:
-        return np.zeros((0, len(scale))), np.zeros(0)
-    return np.vstack(rows), np.concatenate(values)
-
-
 def pseudo_inertia(phi: Floats) -> Floats:
     """Return J (4, 4) of one link's parameters (10,) [kg, kg m, kg m2]."""
     mass, moment, six = phi[0], phi[1:4], phi[4:]
@@ -165,39 +126,20 @@ def _triangle(J: Floats) -> Floats:
     return np.array([J[r, c] * (1.0 if r == c else np.sqrt(2.0)) for c in range(4) for r in range(c + 1)])
 
 
-_PRIOR_WEIGHTS = (MIN_PRIOR_WEIGHT, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # that held-out blocks choose among
-_MIN_LOG_GAIN = 0.02  # least that a stronger prior takes from the sum over axes of log squares: 1 % of one axis
+def likeliest_prior(base: BaseParameters, R: Floats, variance: float) -> Floats | None:
+    """Return rows of the masses of the robot's file for `consistent_fit`, by the error with which R is likeliest.
 
-
-def prior_of(parameters: Parameters) -> Floats | None:
-    """Return the parameters (k,) that the robot's file gives its links, zero where it gives none; None if nowhere."""
-    model = parameters.model
-    unknown = {*model.missing_inertia, *(model.missing_tensor if parameters.terms == "full" else ())}
-    own = link_parameters(model.tree).reshape(-1, PER_LINK)
-    prior = np.zeros(len(parameters.names))
-    for place, link in enumerate(parameters.links):
-        if model.link_names[link] not in unknown:
-            prior[parameters.link_columns(place)] = own[link, : parameters.per_link]
-    return prior if prior.any() else None
-
-
-def weight_of_prior(base: BaseParameters, samples: Sequence[Samples], weights: Floats, prior: Floats) -> float:
-    """Return the weight of a prior with which blocks that were not fitted are predicted best."""
-    folds = [[part.rows(fold_of_rows(part) == f, part.name) for part in samples] for f in range(FOLDS)]
-    used = [[part for part in fold if len(part)] for fold in folds]  # one may lack a recording that is too short
-    reduced = [triangles(base, fold) for fold in used if fold]
-    if len(reduced) < 2:
-        return MIN_PRIOR_WEIGHT
-    best, least = MIN_PRIOR_WEIGHT, np.inf
-    for weight in _PRIOR_WEIGHTS:
-        squares = np.zeros(len(weights))
-        for f, held_out in enumerate(reduced):
-            R = joined([part for k, part in enumerate(reduced) if k != f]).stacked(weights)
-            beta = base.combination @ consistent_fit(base, R, prior, weight)
-            squares += held_out.residual_rms(beta) ** 2 * held_out.rows
-        score = float(np.log(np.maximum(squares, 1e-300)).sum())
-        if score < least - _MIN_LOG_GAIN:
-            best, least = weight, score
+    That is by the evidence of a Gaussian regression whose rows have a variance [MacKay, Bayesian interpolation, Neural
+    Computation 4(3), 1992]. None where the file has no masses.
+    """
+    scale = np.append(parameter_scale(base), np.linalg.norm(R[:, -1]))
+    fit = np.column_stack([R[:, :-1] @ base.combination, R[:, -1]]) / np.sqrt(variance)
+    best, most = None, -np.inf
+    for rows, log_weight in rows_of_file(base.parameters):
+        sizes = np.abs(np.diag(np.linalg.qr(np.vstack([fit, rows]) * scale, mode="r"))) + 1e-300
+        value = log_weight - 0.5 * float(sizes[-1] / scale[-1]) ** 2 - float(np.log(sizes[:-1]).sum())
+        if value > most:
+            best, most = rows * np.sqrt(variance), value
     return best
 
 

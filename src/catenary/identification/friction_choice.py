@@ -1,13 +1,15 @@
-"""Which friction and rotors a recording shows: parts are added while held-out blocks are predicted better.
+"""Which friction recordings show: parts are added, and taken away again, while held-out blocks are predicted better.
 
-Candidates are the terms of `FRICTION_TERMS` that are not on every joint, on a grid of their speeds and distances. All
-are linear in their parameters, so that of every block the products of all columns are all that is needed. The best
-candidate is added, again and again, as long as it takes enough away from the residuals of blocks that were not fitted,
-and more than that differs from block to block.
+Candidates are the terms of `FRICTION_TERMS` that are not on every joint, on a grid of their speeds and distances, and
+friction of each recording. All are linear in their parameters, so of every block the products of all columns are all
+that is needed. What is compared is the log density of blocks by fits to the others, -1/2 N sum_i log(squares left of
+axis i), N the rows that a filter leaves independent, less a price for each part [Stone, Cross-validatory choice and
+assessment of statistical predictions, J. Royal Statistical Society B 36(2), 1974].
 """
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,193 +17,152 @@ import numpy as np
 from catenary.arrays import Floats, spread
 from catenary.config import IN_FILES
 from catenary.identification.base_parameters import BaseParameters
-from catenary.identification.parameters import recorded_load
+from catenary.identification.parameters import OF_RECORDING, recorded_load
 from catenary.identification.samples import FOLDS, Samples, fold_of_rows
-from catenary.robots.actuation import Actuation, ActuationTerm
+from catenary.robots.actuation import Actuation, ActuationTerm, Friction, actuation_terms
 from catenary.robots.friction_terms import FRICTION_TERMS
 
-Extra = tuple[str, int]  # kind, and which friction
-_MIN_LOG_GAIN = 0.02  # least that each part takes from the sum over axes of log residual: 2 % of one axis
-_MAX_HARM = 0.05  # most by which any axis may be worse than with the friction that is given
+_PART_PRICE = 3.0  # [nats] by which a column is less likely beforehand: one in twenty
 _DISTINCT_SHARE = 0.05  # least part of a column that others do not give
+_BASE_RIDGE, _RIDGE = 1e-12, 1e-6  # beside squares of columns that are one
 _MAX_ROWS = 20_000  # that are looked at
-# standard errors of a gain, by how blocks differ, which it exceeds; blocks differ by their motion too, not by chance
-# alone
-_SCATTER_ERRORS = 0.5
-_MAD_DEVIATIONS = 1.4826  # standard deviations in a median absolute deviation
+_RECORDING = "recording"  # the kind of friction that each recording has by itself
 
 
 @dataclass(frozen=True)
 class FrictionPart:
-    """A part that was added to a friction, and what it took away."""
+    """A part that was added to a friction, and what it gained."""
 
     __pydantic_config__ = IN_FILES
 
     friction: str
     kind: str
     scale: float | None  # of a term that has one [rad/s, m/s, or rad, m]
-    gain: float  # by how much the residual on held-out blocks, as the mean over axes, became less
+    gain: float  # [nats] of log evidence
 
 
 class _Candidate(NamedTuple):
     kind: str
-    friction: int
+    name: str  # of the friction that has it; of one kind and name there is one
     scale: float | None
     rung: int  # of the grid of scales
-    column: int
-    term: ActuationTerm
-
-
-class _Products(NamedTuple):
-    """What least squares needs of every fold: the products of all columns with each other."""
-
-    each: Floats  # (folds, n, c, c) by axis
-    train: Floats  # (folds, c, c) of all folds but one, weighted, over all axes
+    terms: tuple[ActuationTerm, ...]
+    added: tuple[Friction, ...] = ()  # in place of a part of a friction
 
 
 def choose_friction(
     base: BaseParameters, samples: Sequence[Samples], weights: Floats, actuation: Actuation, kinds: Sequence[str]
 ) -> tuple[Actuation, tuple[FrictionPart, ...]]:
-    """Return the actuation with the parts of friction that held-out blocks show, and what each of them gained.
+    """Return the actuation with the parts of friction that recordings show, and what each of them gained.
 
     Recordings to fit tell in `carried` what the links ask of the actuators.
     """
-    candidates = _candidates(actuation, samples, kinds, base.count)
+    candidates = _candidates(actuation, samples, kinds)
     if not candidates:
         return actuation, ()
-    products = _products(base, samples, [each.term for each in candidates], weights, actuation.coulomb_velocity)
-    fixed = list(range(base.count))
-    moves = [*_together(candidates), *((candidate,) for candidate in candidates)]
-    chosen: dict[Extra, _Candidate] = {}
-
-    def with_parts(parts: Collection[_Candidate], added: int) -> Floats | None:
-        return _held_out(products, [*fixed, *(c.column for c in parts)], added=added)
-
-    first = before = with_parts((), 0)
-    while first is not None and before is not None:
-        best, best_squares, most = None, before, 0.0
-        for move in moves:
-            added = {(c.kind, c.friction): c for c in move if chosen.get((c.kind, c.friction)) != c}
-            others = [c for key, c in chosen.items() if key not in added]
-            after = with_parts([*others, *added.values()], len(added)) if added else None
-            if after is None or (after.sum(axis=0) > (1.0 + _MAX_HARM) ** 2 * first.sum(axis=0)).any():
-                continue
-            gain = _gain(before, after, least=_MIN_LOG_GAIN * len(added))
-            if gain > most:
-                best, best_squares, most = added, after, gain
-        if best is None:
+    evidence = _Evidence(base, samples, candidates, weights, actuation.coulomb_velocity)
+    chosen, most = dict[tuple[str, str], int](), evidence.log(())
+    while True:
+        tried = [chosen | added for added in _moves(candidates)]
+        tried += [{key: k for key, k in chosen.items() if key != without} for without in chosen]
+        logs = [evidence.log(parts.values()) for parts in tried]
+        if max(logs) <= most:
             break
-        chosen |= best
-        before = best_squares
-    # one that came with others, or before them, stays only where blocks are predicted worse without it
-    parts = dict[Extra, FrictionPart]()
-    for key, part in list(chosen.items()):
-        without = with_parts([c for k, c in chosen.items() if k != key], 0)
-        if without is None or before is None:
-            continue
-        if _gain(without, before, least=0.0) <= 0.0:
-            before = without
-            del chosen[key]
-        else:
-            gain = float(np.mean(1.0 - np.sqrt(before.sum(axis=0) / without.sum(axis=0))))
-            parts[key] = FrictionPart(actuation.friction[part.friction].name, part.kind, part.scale, gain)
-    friction = list(actuation.friction)
-    for (kind, place), candidate in chosen.items():
-        given: dict[str, Any] = {kind: True if candidate.scale is None else candidate.scale}
-        friction[place] = replace(friction[place], **given)
-    return replace(actuation, friction=tuple(friction)), tuple(parts.values())
+        chosen, most = tried[int(np.argmax(logs))], max(logs)
+    friction, parts = list(actuation.friction), []
+    for key, k in chosen.items():
+        kind, name, scale, _, _, added = candidates[k]
+        given: dict[str, Any] = {} if added else {kind: True if scale is None else scale}
+        friction = [*(replace(own, **given) if own.name == name else own for own in friction), *added]
+        gain = most - evidence.log([other for of, other in chosen.items() if of != key])
+        parts += [] if added else [FrictionPart(name, kind, scale, gain)]
+    return replace(actuation, friction=tuple(friction)), tuple(parts)
 
 
-def terms_show(
-    base: BaseParameters,
-    samples: Sequence[Samples],
-    weights: Floats,
-    terms: Sequence[ActuationTerm],
-    coulomb_velocity: float,
-) -> bool | None:
-    """Return whether held-out blocks are predicted better with some terms, such as rotors, all together.
-
-    Those that the base parameters give, as a rotor that moves like an upright first link, do not count; None where
-    they give all.
-    """
-    products = _products(base, samples, terms, weights, coulomb_velocity)
-    columns = list(range(base.count))
-    before = _held_out(products, columns, added=0)
-    for k in range(len(terms)):
-        if _held_out(products, [*columns, base.count + k], added=1) is not None:
-            columns.append(base.count + k)
-    added = len(columns) - base.count
-    after = _held_out(products, columns, added=added) if added else None
-    return None if before is None or after is None else _gain(before, after, least=_MIN_LOG_GAIN * added) > 0.0
+def _moves(candidates: Sequence[_Candidate]) -> list[dict[tuple[str, str], int]]:
+    """Return what is added at once: a part of one friction, or of all, as one alone may not show without the others."""
+    groups: dict[tuple[str, int], dict[bytes, int]] = {}
+    for k, candidate in enumerate(candidates):
+        along = np.ascontiguousarray(candidate.terms[0].combination)
+        groups.setdefault((candidate.kind, candidate.rung), {}).setdefault(along.tobytes(), k)  # two on a drive: once
+    moves = [(k,) for k in range(len(candidates))] + [tuple(group.values()) for group in groups.values()]
+    return [{(candidates[k].kind, candidates[k].name): k for k in move} for move in moves]
 
 
-def _gain(before: Floats, after: Floats, *, least: float) -> float:
-    """Return by how much the sum over axes of log residual, (folds, n) squares, fell beyond `least`; 0 if by chance.
-
-    It may be where neither the gain of all blocks together exceeds its scatter (the jackknife: a block where a joint
-    hardly moves counts as little there as in the sum), nor the usual block's gain that of blocks (by the median).
-    """
-    every, left = before.sum(axis=0), after.sum(axis=0)
-    whole = float(np.log(every / left).sum())
-    others = np.log((every - before) / (left - after)).sum(axis=1)
-    scatter = float(np.sqrt((FOLDS - 1) ** 2 / FOLDS) * others.std(ddof=1))
-    blocks = np.log(before / after).sum(axis=1)
-    usual = float(np.median(blocks))
-    of_blocks = _MAD_DEVIATIONS * float(np.median(np.abs(blocks - usual)))
-    if whole <= _SCATTER_ERRORS * scatter and usual <= _SCATTER_ERRORS * of_blocks:
-        return 0.0
-    return 0.5 * whole - least
-
-
-def _together(candidates: list[_Candidate]) -> list[tuple[_Candidate, ...]]:
-    """Return moves that give all frictions a part at once: one alone may not show beside others that lack it."""
-    groups: dict[tuple[str, int], dict[bytes, _Candidate]] = {}
-    for candidate in candidates:
-        group = groups.setdefault((candidate.kind, candidate.rung), {})
-        along = np.ascontiguousarray(candidate.term.combination)
-        group.setdefault(along.tobytes(), candidate)  # two links on a drive rub as one
-    return [tuple(group.values()) for group in groups.values() if len(group) > 1]
-
-
-def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequence[str], first: int) -> list[_Candidate]:
-    """Return the parts that frictions lack and could have, their columns behind the first ones."""
-    found: list[_Candidate] = []
+def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequence[str]) -> list[_Candidate]:
+    """Return the parts that frictions lack and could have."""
+    found, own = list[_Candidate](), [friction for friction in actuation.friction if not friction.recording]
     tried = [term for term in FRICTION_TERMS.values() if term.kind in kinds and not term.usual]
-    tried.sort(key=lambda term: term.scale is not None)  # what has no grid of scales first
-    if samples[0].history is None:
-        tried = [term for term in tried if term.memory is None]
-    for place, friction in enumerate(actuation.friction):
+    tried = [term for term in tried if term.memory is None or samples[0].history is not None]
+    for friction in own:
         c = friction.combination
         s = np.concatenate([part.q @ c for part in samples])
         travel = float(np.subtract(*np.percentile(s, (95, 5))))
         speed = float(np.sqrt(np.mean(np.concatenate([part.qd @ c for part in samples]) ** 2)))
-        if friction.recording or not (travel > 0.0 and speed > 0.0):
-            continue
-        sizes = {"speed": speed, "travel": travel}
-        for term in tried:
-            if getattr(friction, term.kind) or not getattr(friction, term.beside):
-                continue
-            scales: list[float | None] = [None]
-            if term.scale is not None:
-                scales = [share * sizes[term.scale.of] for share in term.scale.shares]
-            for rung, scale in enumerate(scales):
-                column = ActuationTerm(term.kind, friction.name, c, None, scale or 0.0)
-                found.append(_Candidate(term.kind, place, scale, rung, first + len(found), column))
+        for term in tried if min(travel, speed) > 0.0 else ():
+            if not getattr(friction, term.kind) and getattr(friction, term.beside):
+                size = {"speed": speed, "travel": travel}
+                scales = [None] if term.scale is None else [share * size[term.scale.of] for share in term.scale.shares]
+                for rung, scale in enumerate(scales):
+                    column = ActuationTerm(term.kind, friction.name, c, None, scale or 0.0)
+                    found.append(_Candidate(term.kind, friction.name, scale, rung, (column,)))
+    names = [part.name for part in samples]
+    if _RECORDING in kinds and len(set(names)) == len(names):
+        for name in names[:-1]:
+            of_it = [f.only(lambda t: t.usual, name=f"{f.name}{OF_RECORDING}{name}", recording=name) for f in own]
+            terms = actuation_terms(Actuation(friction=tuple(of_it)))
+            found.append(_Candidate(_RECORDING, name, None, 0, terms, tuple(of_it)))
     return found
 
 
+class _Evidence:
+    """The log evidence of candidates beside base parameters."""
+
+    def __init__(
+        self,
+        base: BaseParameters,
+        samples: Sequence[Samples],
+        candidates: Sequence[_Candidate],
+        weights: Floats,
+        coulomb_velocity: float,
+    ) -> None:
+        """Take the products of all columns with each other, those of torque last, base parameters eliminated."""
+        terms = [term for candidate in candidates for term in candidate.terms]
+        ends = np.cumsum([0, *(len(candidate.terms) for candidate in candidates)])
+        self._columns = [range(first, last) for first, last in pairwise(ends)]
+        products = _products(base, samples, terms, len(weights), coulomb_velocity)
+        whole = np.einsum("i,fijk->fjk", weights**2, products)
+        train = whole.sum(axis=0) - whole
+        self._sizes = np.sqrt(np.maximum(np.einsum("fjj->fj", train), 1e-300))
+        train = train / self._sizes[:, None] / self._sizes[:, :, None]
+        b, c = base.count, train.shape[1]
+        onto = np.linalg.solve(train[:, :b, :b] + _BASE_RIDGE * np.eye(b), train[:, :b, b:])
+        rest = np.concatenate([-onto, np.broadcast_to(np.eye(c - b), (FOLDS, c - b, c - b))], axis=1)
+        self._train = rest.transpose(0, 2, 1) @ train @ rest
+        rest = rest / self._sizes[:, :, None]
+        self._products = rest.transpose(0, 2, 1)[:, None] @ products @ rest[:, None]
+        self._rows = sum(part.independent * len(part) for part in samples)
+
+    def log(self, chosen: Collection[int]) -> float:
+        """Return the log evidence of some candidates; minus infinity where a column is hardly its own."""
+        columns = [c for k in chosen for c in self._columns[k]]
+        own = self._train[np.ix_(range(FOLDS), columns, columns)] + _RIDGE * np.eye(len(columns))
+        solution = np.linalg.solve(own, self._train[:, columns, -1:])
+        if (np.einsum("fjj->fj", np.linalg.cholesky(own)) < _DISTINCT_SHARE).any():
+            return -np.inf
+        vector = np.zeros((FOLDS, 1, self._train.shape[1], 1))
+        vector[:, 0, columns], vector[:, 0, -1] = -solution, 1.0
+        left = np.maximum((vector * (self._products @ vector)).sum(axis=(0, 2, 3)), 1e-300)
+        return -0.5 * self._rows * float(np.log(left).sum()) - _PART_PRICE * len(columns)
+
+
 def _products(
-    base: BaseParameters,
-    samples: Sequence[Samples],
-    terms: Sequence[ActuationTerm],
-    weights: Floats,
-    coulomb_velocity: float,
-) -> _Products:
-    """Return the products of all columns with each other, those of torque last."""
-    n, count = samples[0].q.shape[1], base.count + len(terms) + 1
-    along = np.array([term.combination for term in terms])
-    products = np.zeros((FOLDS, n, count, count))
+    base: BaseParameters, samples: Sequence[Samples], terms: Sequence[ActuationTerm], n: int, coulomb_velocity: float
+) -> Floats:
+    """Return the products (folds, n, c, c) of all columns with each other, those of torque last."""
+    along, count = np.array([term.combination for term in terms]), base.count + len(terms) + 1
     every = max(1, sum(len(part) for part in samples) // _MAX_ROWS)
+    products = np.zeros((FOLDS, n, count, count))
     for part in samples:
         fold = fold_of_rows(part)
         loads = np.column_stack([recorded_load(term, part, coulomb_velocity) for term in terms])
@@ -213,25 +174,4 @@ def _products(
                     tau = part.tau[rows][here, i, None]
                     A = np.concatenate([Y[here, i], loads[rows][here] * along[:, i], tau], axis=1)
                     products[f, i] += A.T @ A
-    weighted = np.einsum("i,fijk->fjk", weights**2, products)
-    return _Products(products, weighted.sum(axis=0) - weighted)
-
-
-def _held_out(products: _Products, columns: list[int], *, added: int) -> Floats | None:
-    """Return squares (folds, n) left on folds fitted to the others, or None where an added column is hardly its own."""
-    target = products.train.shape[1] - 1
-    train = products.train[np.ix_(range(FOLDS), [*columns, target], [*columns, target])]
-    scale = np.sqrt(np.maximum(np.einsum("fjj->fj", train), 1e-300))
-    correlation = train / scale[:, :, None] / scale[:, None, :]
-    m = len(columns)
-    try:
-        lower = np.linalg.cholesky(correlation[:, :m, :m] + 1e-12 * np.eye(m))
-    except np.linalg.LinAlgError:
-        return None
-    if (np.einsum("fjj->fj", lower)[:, m - added :] < _DISTINCT_SHARE).any():
-        return None
-    solution = np.linalg.solve(correlation[:, :m, :m] + 1e-12 * np.eye(m), correlation[:, :m, m, None])[:, :, 0]
-    beta = solution * scale[:, m:] / scale[:, :m]
-    vector = np.zeros((FOLDS, 1, target + 1, 1))
-    vector[:, 0, columns, 0], vector[:, 0, target, 0] = -beta, 1.0
-    return np.maximum((vector * (products.each @ vector)).sum(axis=(2, 3)), 1e-300)
+    return products

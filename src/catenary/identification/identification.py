@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,19 +18,21 @@ from catenary.dynamics.torque_regressor import PER_LINK, link_parameters, tree_w
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification import residuals
 from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
-from catenary.identification.consistency import MIN_PRIOR_WEIGHT, consistent_fit, prior_of, unseen_of, weight_of_prior
+from catenary.identification.consistency import consistent_fit, likeliest_prior, unseen_of
 from catenary.identification.drive_gains import DriveGains, drive_gains
-from catenary.identification.friction_choice import FrictionPart, choose_friction, terms_show
+from catenary.identification.friction_choice import FrictionPart, choose_friction
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, known_rotors, rotors_beside
 from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
-from catenary.identification.parameters import OF_RECORDING, Parameters
+from catenary.identification.parameters import Parameters
 from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
-from catenary.robots.actuation import Actuation, Effect, MotorInertia, actuation_terms
+from catenary.robots.actuation import Actuation, MotorInertia
 from catenary.robots.model import RobotModel
 
 _TILTING_SHARE = 0.02  # of gravity: recordings in which its direction varies by less are of one base
 _STILL = 1e-3  # [rad, m] by which a joint moves that no recording shows
+ROTOR_SHARE = 0.4  # of a joint's torque, that a rotor asks for beforehand
+_HIDDEN_SHARE = 0.5  # of what was thought beforehand of a rotor: a larger deviation, and recordings do not show it
 _LOAD_ROUNDS = 3  # of fitting friction that grows with the load, which the fit itself tells
 
 
@@ -75,7 +77,7 @@ class Identification:
     friction: tuple[FrictionPart, ...] = ()  # what held-out blocks added to the robot file's friction
     seen: residuals.MovedRange | None = None  # how the recordings moved that were fitted
     moved_base: bool = False  # gravity turned in the recordings, so that none of its directions is special
-    prior_weight: float | None = None  # of the masses in the robot's file; None where it has none
+    prior: bool = False  # masses were drawn to those of the robot's file
     unshown: tuple[str, ...] = ()  # rotors, or a recording's friction, that the motion does not tell from the rest
     bodies: tuple[CarriedBody, ...] = ()  # that the robot carried, and the masses of `model` hold
 
@@ -272,10 +274,17 @@ def gains_of(
     actuation = replace(actuation_of(model), values=None)
     if options.rotors is not None or actuation.known_torques:
         raise InputError("currents: torques of known rotors, cables or springs are in Nm: leave them out")
-    beside = rotors_beside(model) if options.find_rotors and options.terms == "full" else ()
-    geared = replace(model, actuation=replace(actuation, motor_inertia=(*actuation.motor_inertia, *beside)))
+    geared = _geared(model, actuation, options)
     with threadpool_limits(limits=1):
         return drive_gains(_fit([*free, *loaded], geared, replace(options, consistent=False)).base, free, loaded, load)
+
+
+def _geared(model: RobotModel, actuation: Actuation, options: IdentifyOptions) -> RobotModel:
+    """Return a robot with an actuation, the rotors that are identified, and no friction that grows with the load."""
+    beside = rotors_beside(model) if options.find_rotors and options.rotors is None else ()
+    steady = tuple(friction.only(lambda term: not term.grows_with_load) for friction in actuation.friction)
+    rotors = (*actuation.motor_inertia, *beside)
+    return replace(model, actuation=replace(actuation, friction=steady, motor_inertia=rotors))
 
 
 def _identified(samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions) -> Identification:
@@ -283,41 +292,14 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
     actuation, parts = replace(actuation_of(model), values=None), tuple[FrictionPart, ...]()
     if options.rotors is not None:
         actuation = replace(actuation, motor_inertia=())
-    beside = rotors_beside(model) if options.find_rotors and options.rotors is None else ()
-    model = model if model.actuation is None and not beside else replace(model, actuation=actuation)
-    free = replace(options, consistent=False)
-    plain = _fit(samples, model, free)
-    changes: list[tuple[str, Sequence[Effect]]] = [("motor_inertia", beside)] if beside else []
-    names = [part.name for part in samples]
-    if "recording" in options.friction and len(set(names)) == len(names) > 1:
-        each = [
-            own.only(lambda term: term.usual, name=f"{own.name}{OF_RECORDING}{name}", recording=name)
-            for name in names[:-1]
-            for own in actuation.friction
-        ]
-        changes.append(("friction", each))
-    unshown: list[str] = []
-    for key, effects in changes if options.terms == "full" else ():
-        terms = actuation_terms(Actuation(**{key: tuple(effects)}))  # type: ignore[arg-type]  # by the kind's name
-        show = terms_show(plain.base, samples, plain.weights, terms, actuation.coulomb_velocity)
-        unshown += [effect.name for effect in effects if show is None]
-        groups = [effects] if show else []
-        while groups:
-            group = groups.pop(0)
-            grown: dict[str, Any] = {key: (*getattr(actuation, key), *group)}
-            more = replace(actuation, **grown)
-            try:
-                plain = _fit(samples, replace(model, actuation=more), free)
-                actuation, model = more, replace(model, actuation=more)
-            except ExcitationError:  # of all together: one by one
-                unshown += [effect.name for effect in group[:1] if len(group) == 1]
-                groups = groups if len(group) == 1 else [[effect] for effect in group]
+    geared = _geared(model, actuation, options)
+    actuation = replace(actuation_of(geared), friction=actuation.friction)
+    plain = _fit(samples, geared, replace(options, consistent=False))
     if options.terms == "full" and options.friction:
         heard = carrying(plain.base, plain.beta, samples)
         actuation, parts = choose_friction(plain.base, heard, plain.weights, actuation, options.friction)
-    if parts or options.consistent:
-        plain = _fit(samples, replace(model, actuation=actuation) if parts else model, options, like=plain)
-    return replace(plain, friction=parts, unshown=tuple(unshown))
+    result = _fit(samples, replace(model, actuation=actuation), options, like=plain)
+    return replace(result, friction=parts)
 
 
 def _fit(
@@ -327,41 +309,55 @@ def _fit(
     q, qd, qdd = (np.concatenate([getattr(part, key) for part in samples]) for key in ("q", "qd", "qdd"))
     rng, parameters = np.random.default_rng(options.seed), Parameters(model, options.terms)
     base = base_parameters(parameters, np.array(options.gravity), (q, qd, qdd), rng, base=_base_in(samples))
-    loaded = any(term.grows_with_load for term in base.parameters.actuation)
-    if loaded and like is None:  # a fit without that friction tells what it grows with
-        actuation = actuation_of(model)
-        friction = tuple(f.only(lambda term: not term.grows_with_load) for f in actuation.friction)
-        like = _fit(samples, replace(model, actuation=replace(actuation, friction=friction)), options)
+    loaded = like is not None and any(term.grows_with_load for term in base.parameters.actuation)
     weights = None if like is None else like.weights
     known = {} if like is None else dict(zip(like.base.names, like.beta, strict=True))
-    beta = None if like is None else np.array([known.get(name, 0.0) for name in base.names])  # of other friction: 0
+    beta = np.array([known.get(name, 0.0) for name in base.names])  # of other friction: 0
     for _ in range(_LOAD_ROUNDS if loaded else 1):
-        if loaded and beta is not None:
+        if loaded:
             samples = carrying(base, beta, samples)
         reduced = triangles(base, samples)
         if weights is None:
             weights = weigh(options.weighting or actuation_of(model).weighting, samples, reduced)
+        rotors = _rotors_beforehand(base, samples)
+        reduced = reduced.near_zero(rotors, solve(reduced.stacked(weights)))
         R = reduced.stacked(weights)
         rank, condition, weakest = excitation(R)
         if rank < base.count:
             still = [name for name, span in zip(model.joint_names, np.ptp(q, axis=0), strict=True) if span < _STILL]
             raise ExcitationError(_singular(base, rank, condition, weakest, still), rank=rank, n_base=base.count)
         beta = solve(R)
-    assert beta is not None  # for the type checker: there is one round at least
-    assert weights is not None
-    phi, prior_weight = None, None
+    assert weights is not None  # for the type checker: there is one round at least
+    phi, drawn = None, None
     if options.consistent:
-        prior = prior_of(base.parameters) if options.prior else None
-        if prior is not None:
-            prior_weight = weight_of_prior(base, samples, weights, prior)
-        phi = consistent_fit(base, R, prior, prior_weight or MIN_PRIOR_WEIGHT)
+        if options.prior:
+            drawn = likeliest_prior(base, R, reduced.variance(weights, beta))
+        phi = consistent_fit(base, R, drawn)
         beta = base.combination @ phi
     result = Identification(
         base, beta, covariance(reduced, weights, beta), options, weights, rank, condition, training=(), phi=phi,
         seen=residuals.MovedRange(q.min(axis=0), q.max(axis=0), residuals.rms(qd)),
-        moved_base=_base_in(samples) != "still", prior_weight=prior_weight,
+        moved_base=_base_in(samples) != "still", prior=drawn is not None,
     )  # fmt: skip
-    return replace(result, training=tuple(result.compare(part) for part in samples))
+    hidden = tuple(
+        base.parameters.actuation_at(int(base.columns[k])).name
+        for k, (_, size) in rotors.items()
+        if result.std[k] > _HIDDEN_SHARE * size
+    )
+    return replace(result, training=tuple(result.compare(part) for part in samples), unshown=hidden)
+
+
+def _rotors_beforehand(base: BaseParameters, samples: Sequence[Samples]) -> dict[int, tuple[int, float]]:
+    """Return the base parameters that are rotors: each one's axis, and its standard deviation beforehand about zero."""
+    tau, qdd = (np.concatenate([getattr(part, key) for part in samples]) for key in ("tau", "qdd"))
+    found, first = {}, len(base.parameters.links) * base.parameters.per_link
+    for k, column in enumerate(base.columns):
+        term = base.parameters.actuation_at(int(column)) if column >= first else None
+        if term is not None and term.kind == "motor_inertia":
+            axis, speeding = int(np.argmax(np.abs(term.combination))), qdd @ term.combination
+            size, rate = (float(residuals.rms(values)) for values in (tau[:, axis], speeding))
+            found[k] = axis, ROTOR_SHARE * size / max(rate, 1e-9)
+    return found
 
 
 def carrying(base: BaseParameters, beta: Floats, samples: Sequence[Samples]) -> list[Samples]:

@@ -2,9 +2,9 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields, make_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
@@ -15,37 +15,23 @@ from catenary.config import IN_FILES, parse_settings, plain_data
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.identification.base_parameters import BaseParameters
-from catenary.identification.friction_choice import FrictionPart
-from catenary.identification.identification import CarriedBody, Identification
-from catenary.identification.identify_options import IdentifyOptions
+from catenary.identification.identification import Identification
 from catenary.identification.parameters import Parameters
-from catenary.identification.residuals import LogResidual, MovedRange
 from catenary.robots.model_record import FORMAT, IDENTIFIED, REMEDY, robot_from_record, robot_record, structure_of
 
 Card = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class IdentificationRecord:
-    """All of an identification but its arrays; the fields below `robot` are its own."""
-
-    __pydantic_config__ = IN_FILES
-
-    format: str
-    robot: Any  # `robot_from_record` knows its schema
-    options: IdentifyOptions
-    rank: int
-    condition: float
-    training: tuple[LogResidual, ...]
-    tests: tuple[LogResidual, ...]
-    friction: tuple[FrictionPart, ...]
-    prior_weight: float | None
-    moved_base: bool
-    seen: MovedRange | None
-    bodies: tuple[CarriedBody, ...] = ()
-
-
-_OWN_FIELDS = tuple(each.name for each in fields(IdentificationRecord) if each.name not in ("format", "robot"))
+_ARRAYS = ("base", "beta", "covariance", "weights", "phi", "unshown")
+_TYPES = get_type_hints(Identification)
+_OWN_FIELDS = tuple(each.name for each in fields(Identification) if each.name not in _ARRAYS)
+# all of an identification but its arrays; `robot_from_record` knows the schema of the robot
+IdentificationRecord: Any = make_dataclass(
+    "IdentificationRecord",
+    [("format", str), ("robot", Any), *((name, _TYPES[name]) for name in _OWN_FIELDS)],
+    frozen=True,
+    namespace={"__pydantic_config__": IN_FILES},
+)
 
 
 def _record(result: Identification, robot: Any) -> dict[str, Any]:

@@ -27,13 +27,10 @@ class IdentifyOptions:
     terms: Terms = "full"  # full dynamics, or poses at rest: gravity, constants and springs
     gravity: tuple[float, float, float] = _NOMINAL_GRAVITY  # [m/s2] in base axes
     cutoff_hz: float | None = None
-    order: Annotated[int, Field(ge=1, le=10)] | None = None
-    cut_time_constants: float | None = None  # of the filter, left out at either end of a stretch of time
-    period_samples: int | None = None  # of the excitation: a payload's residuals repeat with it
     weighting: Weighting | None = None
     consistent: bool = True  # only parameters that bodies and friction can have
     friction: tuple[str, ...] = FRICTION_PARTS  # parts that held-out blocks may add to that of the robot's file
-    find_rotors: bool = True  # one a joint, where held-out blocks show them; those of the robot's file in any case
+    find_rotors: bool = True  # one a joint, beside those of the robot's file
     rotors: tuple[float, ...] | None = None  # (n,) [kg m2 or kg] as known, in place of those
     prior: bool = True  # towards the masses of the robot's file, where it has any and the fit is consistent
     blocks: float | None = None  # [s, or rows at rest] hold out every second block of this length
@@ -54,10 +51,6 @@ class IdentifyOptions:
             value = getattr(self, name)
             if value is not None and not 0.0 < value < np.inf:
                 raise InputError(f"{name}: expected a number above zero, got {value}")
-        for name, low in (("order", 1), ("cut_time_constants", 0), ("period_samples", 1)):
-            value = getattr(self, name)
-            if value is not None and not low <= value < np.inf:
-                raise InputError(f"{name}: expected {low} or more, got {value}")
 
 
 def actuation_of(model: RobotModel) -> Actuation:
@@ -90,6 +83,5 @@ def rotors_beside(model: RobotModel) -> tuple[MotorInertia, ...]:
 
 def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:
     """Return the filter: what the options say, the robot's file otherwise."""
-    names = ("order", "cutoff_hz", "cut_time_constants", "period_samples")
-    given = {name: value for name in names if (value := getattr(options, name)) is not None}
-    return replace(actuation_of(model).filter, **given)
+    used = actuation_of(model).filter
+    return used if options.cutoff_hz is None else replace(used, cutoff_hz=options.cutoff_hz)

@@ -1,7 +1,7 @@
 """Weighted least squares over all axes, from one triangle per axis."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from catenary.identification.samples import Samples
 from catenary.robots.actuation import Weighting
 
 SINGULAR_RATIO = 1e-5  # smallest singular value, columns scaled to one, of a motion that shows its parameters
+
+_LEAST_NOISE = 0.001  # of an axis' torque
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,26 @@ class Triangles:
         """Return R (b + 1, b + 1) of all axes together, each times its weight."""
         b = self.R.shape[1]
         return _triangle((self.R * weights[:, None, None]).reshape(-1, b))
+
+    def near_zero(self, sizes: Mapping[int, tuple[int, float]], beta: Floats) -> "Triangles":
+        """Return them with parameters that have a standard deviation about zero beforehand, as rows of an axis.
+
+        `sizes` are axis and deviation by a parameter's place; beta (b,) a fit, whose residual is the axes' noise.
+        """
+        noise = self.noise(beta)
+        rows = np.zeros((len(self.R), len(sizes), self.R.shape[2]))
+        for row, (k, (axis, size)) in enumerate(sizes.items()):
+            rows[axis, row, k] = noise[axis] * np.sqrt(self.rows / self.independent) / size
+        return replace(self, R=np.stack([_triangle(axis) for axis in np.concatenate([self.R, rows], axis=1)]))
+
+    def noise(self, beta: Floats) -> Floats:
+        """Return the standard deviation (n,) of the axes' torques by what a fit leaves."""
+        size = np.linalg.norm(self.R[:, :, -1], axis=1) / np.sqrt(self.rows)
+        return np.asarray(np.maximum(self.residual_rms(beta), _LEAST_NOISE * size))
+
+    def variance(self, weights: Floats, beta: Floats) -> float:
+        """Return the variance of weighted rows, as large as if filters tied none together."""
+        return float(np.mean((weights * self.noise(beta)) ** 2)) * self.rows / self.independent
 
     def residual_rms(self, beta: Floats) -> Floats:
         """Return the RMS (n,) of tau - Y_b beta."""
@@ -45,13 +67,6 @@ def triangles(base: BaseParameters, samples: Sequence[Samples]) -> Triangles:
             R = np.stack([_triangle(axis) for axis in stacked])
     count = sum(len(part) for part in samples)
     return Triangles(R, count, sum(part.independent * len(part) for part in samples))
-
-
-def joined(parts: Sequence[Triangles]) -> Triangles:
-    """Return the triangles of several sets of rows together."""
-    stacked = np.concatenate([part.R for part in parts], axis=1)
-    R = np.stack([_triangle(axis) for axis in stacked])
-    return Triangles(R, sum(part.rows for part in parts), sum(part.independent for part in parts))
 
 
 def weigh(weighting: Weighting, samples: Sequence[Samples], reduced: Triangles) -> Floats:
@@ -86,24 +101,6 @@ def scaled_solution(X: Floats, y: Floats, visible: float) -> Floats:
     return np.linalg.lstsq(X / scale, y, rcond=visible)[0] / scale
 
 
-def flattened(columns: Floats, weights: Floats) -> Floats:
-    """Return columns (N n, k) of (N, n, k), each axis times its weight (n,)."""
-    return (columns * weights[:, None]).reshape(columns.shape[0] * len(weights), columns.shape[2])
-
-
-def left_beside(onto: Floats) -> Callable[[Floats], Floats]:
-    """Return what takes out of columns (N, k) or (N,) all that those of a fit (N, b) give."""
-    U, sizes, _ = np.linalg.svd(onto / np.maximum(np.linalg.norm(onto, axis=0), 1e-300), full_matrices=False)
-    U = U[:, sizes > SINGULAR_RATIO * sizes[0]]
-    return lambda columns: columns - U @ (U.T @ columns)
-
-
-def log_squares(left: Floats, least: Floats) -> Floats:
-    """Return the sum over axes of the logarithms of the squares of columns (N n, k), `least` (n,) at least, (k,)."""
-    squares = np.square(left.reshape(-1, len(least), left.shape[1])).sum(axis=0)
-    return np.asarray(np.log(np.maximum(squares, least[:, None])).sum(axis=0), dtype=np.float64)
-
-
 def solve(R: Floats) -> Floats:
     """Solve least squares from the triangle of [Y | tau]; dependent columns share."""
     b = R.shape[1] - 1
@@ -130,7 +127,7 @@ def covariance(reduced: Triangles, weights: Floats, beta: Floats) -> Floats:
     scale = np.linalg.norm(R, axis=0)
     scale[scale == 0.0] = 1.0
     inverse = np.linalg.pinv(R / scale, rcond=1e-12) / scale[:, None]
-    noise = reduced.residual_rms(beta)
+    noise = reduced.noise(beta)
     columns = (reduced.R[:, :, :b] * (weights**2 * noise)[:, None, None]).reshape(-1, b) @ inverse @ inverse.T
     freedom = max(reduced.rows * len(weights) - b, 1) / (reduced.rows * len(weights))
     return columns.T @ columns * (reduced.rows / reduced.independent) / freedom

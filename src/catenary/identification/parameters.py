@@ -79,6 +79,10 @@ class Parameters:
         beside = (k for k, term in enumerate(self.actuation) if term.friction is None)
         return (*range(self._first), *(self._first + k for k in beside))
 
+    def actuation_at(self, column: int) -> ActuationTerm:
+        """Return what a column behind the links' is of."""
+        return self.actuation[column - self._first]
+
     @property
     def _first(self) -> int:
         return len(self.links) * self.per_link

@@ -6,6 +6,7 @@ explain the torques as well: then they share the probability, and none is named 
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +14,9 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, as_batch, as_positive, one_for_all
 from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
-from catenary.gravity.load_location import JOINT_STEPS, CarrierBelief, LoadBeliefs, likely, location_text, telling_joint
+from catenary.gravity.load_location import CarrierBelief, LoadBeliefs, likely, location_text, telling_joint
 from catenary.identification.explanations.beliefs import belief_of, belief_of_known
 from catenary.identification.explanations.evidence import Evidence
 from catenary.identification.explanations.loads import Load, differences, weigh_loads
@@ -29,7 +29,6 @@ _SURE = 0.997  # probability of a load from which on one is named
 _TOLD_DEVIATION = 0.3  # of a mass: a larger standard deviation, and the recordings do not tell it
 _HIDDEN_SHARE = 0.7  # of what was thought beforehand of a moment: a larger deviation, and recordings do not show it
 _RIVAL_MARGIN = 5.0  # [nats] within which something else explains torques as well as a load, and more than nothing
-_TELLING_DEVIATIONS = 3.0  # of a joint's usual residual, by which its motion changes a load's torque
 
 
 @dataclass(frozen=True)
@@ -55,18 +54,23 @@ class PayloadEstimate:
         return location_text(self.likely or (self.link,), self.telling_joint)
 
 
-def estimate_payload(
+def estimate_payload(result: Identification, loaded: Sequence[Samples], **how: Any) -> PayloadEstimate:
+    """Return the likeliest of `payload_candidates`, whose arguments these are."""
+    return payload_candidates(result, loaded, **how)[0]
+
+
+def payload_candidates(
     result: Identification,
     loaded: Sequence[Samples],
     *,
     at: tuple[str, ArrayLike] | None = None,
     unloaded: Sequence[Samples] = (),
-) -> PayloadEstimate:
-    """Find a payload in recordings of a robot whose dynamics were identified without it.
+) -> tuple[PayloadEstimate, ...]:
+    """Estimate the payload of an arm that was identified without it on every link, the likeliest first.
 
-    At a known place it is a point mass. Otherwise mass, place and inertia are free on every link, and the likeliest
-    link is taken; `likely` and `location` say which others the recordings cannot tell from it. The parameters' own
-    errors, as the identification has them, and what else may differ (see the file) are in the deviations.
+    At a known place it is a point mass. Otherwise mass, place and inertia are free on every link; `likely` and
+    `location` say which others the recordings cannot tell from it. The parameters' own errors, as the identification
+    has them, and what else may differ (see the file) are in the deviations.
 
     Args:
         result: The identified dynamics.
@@ -79,15 +83,33 @@ def estimate_payload(
     """
     if not loaded:
         raise InputError("payload: expected at least one recording")
-    places = None if at is None else [place_of(result, at)]
-    return _candidates(result, loaded, unloaded, places)[0]
+    model, belief, others = result.model, belief_of(result), tuple(differences(result.model.joint_names))
+    of_loaded, of_unloaded = ([Evidence(model, part, belief) for part in parts] for parts in (loaded, unloaded))
+    loads = weigh_loads(
+        of_loaded,
+        [(link, None) for link in belief.links] if at is None else [place_of(result, at)],
+        others,
+        unloaded=of_unloaded,
+    )
+    found = [_estimate(model, each, loads.sure, at is None) for each in loads.each]
+    best, links = loads.each[0], [each.link for each in found]
+    names, detected, rival = likely(links, loads.shares), found[0].detected, int(np.argmax(best.without))
 
+    def telling(count: int) -> str | None:
+        pair = [(link, each.mean[:4]) for link, each in zip(links[:count], loads.each, strict=False)]
+        return telling_joint(compact_regressor(model), pair, loaded[0].q[-1], result.gravity, result.usual + 1e-9)
 
-def payload_candidates(
-    result: Identification, loaded: Sequence[Samples], *, unloaded: Sequence[Samples] = ()
-) -> tuple[PayloadEstimate, ...]:
-    """Estimate the payload on every link, with the probability that it is there; the likeliest link first."""
-    return _candidates(result, loaded, unloaded, None)
+    told = ""
+    if rival > 0 and not detected and min(loads.gain, best.without[rival] - best.without[0]) > _RIVAL_MARGIN:
+        name = telling(1)
+        how = f"move {name}" if name else "no joint would tell, moved by itself"
+        told = f"{others[rival].says}: {how}"
+    beside = others[int(np.argmax(best.logs if detected else best.without))].says
+    joint = telling(2) if len(names) > 1 else None
+    return tuple(
+        replace(each, probability=share, likely=names, telling_joint=joint, beside=beside, rival=told)
+        for each, share in zip(found, loads.shares, strict=True)
+    )
 
 
 def locate_load(
@@ -154,37 +176,6 @@ def place_of(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Fl
     return frame.link, frame.pose.rotation @ position + frame.pose.position
 
 
-def _candidates(
-    result: Identification,
-    loaded: Sequence[Samples],
-    unloaded: Sequence[Samples],
-    places: Sequence[tuple[int, Floats | None]] | None,
-) -> tuple[PayloadEstimate, ...]:
-    """Return what each link may carry, likeliest first; a point mass at its place where places are given."""
-    model, belief, others = result.model, belief_of(result), tuple(differences(result.model.joint_names))
-    of_loaded, of_unloaded = ([Evidence(model, part, belief) for part in parts] for parts in (loaded, unloaded))
-    anywhere = places is None
-    loads = weigh_loads(of_loaded, places or [(link, None) for link in belief.links], others, unloaded=of_unloaded)
-    best, joint = loads.each[0], None
-    names = likely([model.link_names[each.link] for each in loads.each], loads.shares)
-    if len(names) > 1:
-        pair = [(model.link_names[each.link], each.mean[:4]) for each in loads.each[:2]]
-        joint = telling_joint(compact_regressor(model), pair, loaded[0].q[-1], result.gravity, result.usual + 1e-9)
-    found = [_estimate(model, each, loads.sure, anywhere) for each in loads.each]
-    beside = others[int(np.argmax(best.logs if found[0].detected else best.without))].says
-    rival = int(np.argmax(best.without))
-    told = ""
-    alike = min(loads.gain, best.without[rival] - best.without[0]) > _RIVAL_MARGIN
-    if rival > 0 and alike and not found[0].detected:
-        name = _separating_joint(result, loaded[0].q[-1], best)
-        how = f"move {name}" if name else "no joint would tell, moved by itself"
-        told = f"{others[rival].says}: {how}"
-    return tuple(
-        replace(each, probability=share, likely=names, telling_joint=joint, beside=beside, rival=told)
-        for each, share in zip(found, loads.shares, strict=True)
-    )
-
-
 def _estimate(model: RobotModel, of: Load, sure: float, anywhere: bool) -> PayloadEstimate:
     """Return what is told of a load on a link."""
     mean, deviation = of.mean, np.sqrt(np.maximum(np.diag(of.covariance), 0.0))
@@ -202,19 +193,3 @@ def _estimate(model: RobotModel, of: Load, sure: float, anywhere: bool) -> Paylo
         bool(sure >= _SURE and mean[0] > 0.0),
         sure if mean[0] > 0.0 else 0.0,
     )
-
-
-def _separating_joint(result: Identification, q: Floats, of: Load) -> str | None:
-    """Return the joint whose motion from q (n,) changes a load's torque most beside the usual residual; or None."""
-    model, own = result.model, slice(PER_LINK * of.link, PER_LINK * (of.link + 1))
-    steps = np.array([0.0, *JOINT_STEPS])
-    changes = []
-    for joint, unit in enumerate(model.joint_units):
-        poses = np.tile(q, (len(steps), 1))
-        poses[:, joint] += steps * (1.0 if unit == "rad" else 0.2)
-        poses = np.clip(poses, model.lower, model.upper)
-        still = np.zeros_like(poses)
-        torque = torque_regressor(model, poses, still, still, result.gravity)[:, :, own] @ of.mean
-        changes.append(float(np.abs((torque - torque[0]) / (result.usual + 1e-9)).max()))
-    best = int(np.argmax(changes))
-    return model.joint_names[best] if changes[best] > _TELLING_DEVIATIONS else None

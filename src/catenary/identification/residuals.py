@@ -1,8 +1,7 @@
-"""How far torques are from what a model says, per axis; what that says about the model, and why.
+"""How far torques are from what a model says, per axis, and what that says about the model.
 
-A joint that hardly moves, or moves where it was not identified, tells nothing of whether the arm has changed. Of one
-that does, the residual is explained in turn by a constant, by friction, by torques that are all larger or smaller, and
-by rows of torque and motion out of step; what explains most is named.
+A joint that hardly moves, or moves where it was not identified, tells nothing of whether the arm has changed. What has
+changed of one that does is told by explanations/, which weigh the recording against the arm as it was identified.
 """
 
 from dataclasses import dataclass, replace
@@ -14,7 +13,6 @@ from catenary.arrays import Floats, Listed
 from catenary.config import IN_FILES
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
-from catenary.units import TORQUE_UNIT
 
 Axes = Annotated[Floats, Listed(null=np.nan)]
 Verdict = Literal["holds", "unclear", "drifted", "fails"]
@@ -54,11 +52,11 @@ def judged(
     fitted; or a joint moves that was still in training, whatever is left of any axis. fails: one is hardly better than
     predicting no torque. drifted: otherwise.
     """
-    found = residual(samples, predicted)
+    found, left = residual(samples, predicted), samples.tau - predicted
     with np.errstate(invalid="ignore"):
         axes = np.flatnonzero(found.relative_rms > np.maximum(_HOLDS_RATIO * training, _SMALL_RESIDUAL)).tolist()
     unseen = [] if seen is None else _unseen(model, samples, seen)
-    reasons = [*unseen, *(_reason(model, i, samples, predicted, seen) for i in axes)]
+    reasons = [*unseen, *(_reason(model, i, samples, found, left[:, i], seen) for i in axes)]
     telling = [i for i, (_, tells) in zip(axes, reasons[len(unseen) :], strict=True) if tells]
     verdict: Verdict = "unclear" if reasons else "holds"
     if telling and not unseen:
@@ -76,8 +74,6 @@ _STILL_TRAVEL = {"rad": 0.05, "m": 0.005}  # [rad, m] that a joint which moves d
 _STILL_SHARE = 0.1  # of a usual range, that this is
 _BEYOND_TRAVEL_SHARE = 0.1  # of that travel, outside of which a joint was not identified
 _OUTSIDE_SHARE = 0.5  # of the squared residual on rows outside it
-_EXPLAINED_SHARE = 0.4  # of the squared residual that a shape takes away
-_MAX_LAG_S = 0.1  # [s] by which torques may be late
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,17 +88,13 @@ class MovedRange:
 
 
 def _reason(
-    model: RobotModel, axis: int, samples: Samples, predicted: Floats, seen: MovedRange | None
+    model: RobotModel, axis: int, samples: Samples, found: LogResidual, left: Floats, seen: MovedRange | None
 ) -> tuple[str, bool]:
-    """Return why an axis of a recording is not as predicted (N, n), and whether it moved enough, and there, to tell."""
+    """Return why an axis of a recording is not as predicted, and whether it moved enough, and there, to tell."""
     name, unit = model.joint_names[axis], model.joint_units[axis]
-    left = samples.tau[:, axis] - predicted[:, axis]
     if seen is not None and (moved := _motion_reason(name, unit, axis, samples, left, seen)) is not None:
         return moved, False
-    share, says = max(_shapes(name, unit, axis, samples, predicted, left))
-    if share < _EXPLAINED_SHARE:
-        return f"what is left of {name} has no shape of a constant, friction, scale or lag", True
-    return says, True
+    return f"{found.relative_rms[axis]:.2g} of the torque of {name} is left", True
 
 
 def _unseen(model: RobotModel, samples: Samples, seen: MovedRange) -> list[tuple[str, bool]]:
@@ -133,47 +125,3 @@ def _motion_reason(name: str, unit: str, axis: int, samples: Samples, left: Floa
             f"{seen.low[axis]:.3g} to {seen.high[axis]:.3g}"
         )
     return None
-
-
-def _shapes(
-    name: str, unit: str, axis: int, samples: Samples, predicted: Floats, left: Floats
-) -> list[tuple[float, str]]:
-    """Return shapes that a residual may have: the share of it that each explains, and how that is said."""
-    torque, qd, own = TORQUE_UNIT[unit], samples.qd[:, axis], predicted[:, axis]
-    size = float(left @ left)
-    constant = float(left.mean())
-    shapes = [(len(left) * constant**2 / size, f"the constant of {name} is {constant:+.2g} {torque} from what it was")]
-    varying = left - constant
-
-    def share(columns: Floats) -> tuple[float, Floats]:
-        columns = columns - columns.mean(axis=0)
-        factors = np.asarray(np.linalg.lstsq(columns, varying, rcond=1e-9)[0], dtype=np.float64)
-        rest = varying - columns @ factors
-        return (size - float(rest @ rest)) / size - shapes[0][0], factors
-
-    if qd.any():
-        part, (coulomb, viscous) = share(np.column_stack([np.sign(qd), qd]))
-        change = float(np.mean(np.abs(coulomb * np.sign(qd) + viscous * qd))) * np.sign(
-            coulomb + viscous * np.abs(qd).mean()
-        )
-        shapes.append((part, f"friction of {name} differs: {change:+.2g} {torque} in the mean"))
-    if np.ptp(own) > 0.0:
-        part, (factor,) = share(own[:, None])
-        shapes.append((part, f"torques of {name} are {1.0 + factor:.2g} times those identified"))
-    if samples.history is not None and len(samples) > 10:
-        shapes.append(_late(name, samples, own, left, size))
-    return shapes
-
-
-def _late(name: str, samples: Samples, own: Floats, left: Floats, size: float) -> tuple[float, str]:
-    step = float(np.median(np.diff(samples.time)))
-    tau, most = own + left, max(1, min(round(_MAX_LAG_S / step), len(own) // 4))
-    best, at = size, 0
-    for lag in range(-most, most + 1):
-        early, late = (tau, own) if lag >= 0 else (own, tau)
-        rest = early[abs(lag) :] - late[: len(late) - abs(lag)]
-        here = float(rest @ rest) * len(tau) / len(rest)
-        if here < best:
-            best, at = here, lag
-    word = "late" if at > 0 else "early"
-    return 1.0 - best / size, f"torques of {name} come {abs(at) * step * 1000:.0f} ms too {word}"

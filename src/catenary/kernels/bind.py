@@ -15,7 +15,7 @@ from hashlib import sha256
 from itertools import combinations, product
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from catenary.errors import InputError
 from catenary.kernels.compiled import Compiled, load_module, start_numba
 
+_BLOCK_NUMBERS = 100_000  # of an array between two steps: more would not stay in the cache
 _METH_NOARGS = 0x0004  # methodobject.h
 _CODE, _NONE, _ARGUMENTS = range(3)  # places in the block
 _NUMBER_TYPES = tuple(map(np.dtype, (np.float64, np.int64, np.uint8, np.bool_)))
@@ -202,3 +203,34 @@ def _passing_on(count: int) -> tuple[Any, int]:
     engine = binding.create_mcjit_compiler(binding.parse_assembly(str(module)), machine)
     engine.finalize_object()
     return engine, int(engine.get_function_address("call"))
+
+
+class Step(NamedTuple):
+    """A compiled function and the arrays that it runs on: `function(*inputs, *outputs)`."""
+
+    function: Callable[..., None]
+    inputs: tuple[NDArray[Any], ...]  # read only
+    outputs: tuple[NDArray[Any], ...]  # written, or read and written
+
+
+def run(steps: Sequence[Step]) -> None:
+    """Run steps one after the other."""
+    for step in steps:
+        step.function(*step.inputs, *step.outputs)
+
+
+def bound(steps: Sequence[Step]) -> Callable[[], None]:
+    """Return a call without arguments that runs steps on their arrays, which are checked once, now."""
+    calls = [bind(*step) for step in steps]
+
+    def tick() -> None:
+        for call in calls:
+            call()
+
+    return tick
+
+
+def blocks(rows: int, width: int) -> list[slice]:
+    """Return consecutive slices of rows, short enough that arrays of `width` columns stay in the processor's cache."""
+    at_once = max(1, _BLOCK_NUMBERS // max(1, width))
+    return [slice(first, min(first + at_once, rows)) for first in range(0, rows, at_once)]

@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # the importer brings rosbags and pyarrow, which a motion log
     from catenary.recording.import_formats.mapping import RecordingMapping
 
 _FORMAT = "catenary.motion_log.1"
+_PIECE_ROWS = 65_536  # read at once
 
 
 class _Stated(Recorded):
@@ -208,16 +209,17 @@ def _columns(log: MotionLog) -> dict[str, tuple[NDArray[Any], str]]:
 
 def read_parquet(path: Path) -> MotionLog:
     """Read a log that `write_parquet` wrote."""
-    from pyarrow import types
+    from pyarrow import default_memory_pool
 
-    from catenary.recording.parquet_files import ARROW, open_parquet
+    from catenary.recording.parquet_files import open_parquet
 
     try:
         file = open_parquet(path)
         stated = _stated(path, file.metadata.metadata or {})
-        with reading(path, "Parquet", ARROW):
-            table = file.read(use_threads=False)
-            table.validate(full=True)
+        columns = _read_columns(path, file)
+        units = {field.name: (field.metadata or {}).get(b"unit", b"") for field in file.schema_arrow}
+        del file
+        default_memory_pool().release_unused()
     except FileFormatError as error:
         if "cannot be read as Parquet" not in str(error):
             raise
@@ -226,17 +228,6 @@ def read_parquet(path: Path) -> MotionLog:
     names = stated.joint_names
     if len(set(names)) != len(names):
         raise InputError(f"{path}: joint names must differ, got {', '.join(names)}")
-    columns: dict[str, NDArray[Any]] = {}
-    for name, values in zip(table.column_names, table.columns, strict=True):
-        kind, is_ok, shown = values.type, name == "ok", f"{path}: column {cut(name)}"
-        if name in columns:
-            raise FileFormatError(f"{shown} is there twice, expected once")
-        if not (types.is_boolean(kind) if is_ok else types.is_floating(kind) or types.is_integer(kind)):
-            expected = "true or false" if is_ok else "numbers"
-            raise FileFormatError(f"{shown} holds {cut(str(kind))}, expected {expected}")
-        if values.null_count and not types.is_floating(kind):  # these become NaN
-            raise FileFormatError(f"{shown} lacks {values.null_count} of its numbers")
-        columns[name] = values.to_numpy(zero_copy_only=False).astype(bool if is_ok else np.float64)
     joints: dict[str, Any] = {}
     for prefix in JOINT_ARRAYS:
         wanted = [f"{prefix}:{joint}" for joint in names]
@@ -255,14 +246,38 @@ def read_parquet(path: Path) -> MotionLog:
         time=columns.pop("time", None),
         **joints,
         signals=columns,
-        signal_units={
-            name: (table.schema.field(name).metadata or {}).get(b"unit", b"").decode(errors="replace")
-            for name in columns
-        },
+        signal_units={name: units[name].decode(errors="replace") for name in columns},
         sha256=sha256_of(path),
         settled={"units": (), "time_unit": (), **stated.settled},
         **{key: getattr(stated, key) for key in _Stated.model_fields if key not in ("format", "settled")},
     )
+
+
+def _read_columns(path: Path, file: Any) -> dict[str, NDArray[Any]]:
+    """Return the columns of an open Parquet file, read in pieces: Arrow keeps as much memory as it reads at once."""
+    from pyarrow import types
+
+    from catenary.recording.parquet_files import ARROW
+
+    columns: dict[str, NDArray[Any]] = {}
+    for field in file.schema_arrow:
+        kind, is_ok, shown = field.type, field.name == "ok", f"{path}: column {cut(field.name)}"
+        if field.name in columns:
+            raise FileFormatError(f"{shown} is there twice, expected once")
+        if not (types.is_boolean(kind) if is_ok else types.is_floating(kind) or types.is_integer(kind)):
+            expected = "true or false" if is_ok else "numbers"
+            raise FileFormatError(f"{shown} holds {cut(str(kind))}, expected {expected}")
+        columns[field.name] = np.empty(file.metadata.num_rows, dtype=bool if is_ok else np.float64)
+    first = 0
+    with reading(path, "Parquet", ARROW):
+        for piece in file.iter_batches(_PIECE_ROWS, use_threads=False):
+            piece.validate(full=True)
+            for field, values in zip(piece.schema, piece.columns, strict=True):
+                if values.null_count and not types.is_floating(field.type):  # these become NaN
+                    raise FileFormatError(f"{path}: column {cut(field.name)} lacks {values.null_count} of its numbers")
+                columns[field.name][first : first + len(piece)] = values.to_numpy(zero_copy_only=False)
+            first += len(piece)
+    return columns
 
 
 def _stated(path: Path, metadata: Mapping[bytes, bytes]) -> _Stated:

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.arithmetic import blocks
 from catenary.calibration.card import clock_delay
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import HARM_RATIO, OUTSIDE_SHARE, Evaluation, Spread, rms
@@ -15,6 +14,7 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.files import json_text
+from catenary.kernels.bind import blocks
 from catenary.reports import joint_errors
 from catenary.reports.page import Block, Column, Facts, Heading, Listing, Remarks, Table, Text, write_page
 from catenary.robots.catalog import load_robot, robot_names

@@ -84,7 +84,7 @@ def parameter_table(found: Identification) -> page.Table:
 
 def mass_table(found: Identification) -> page.Table | None:
     """Return every link's mass and centre as identified beside those of the robot's file; None where there are none."""
-    if found.prior_weight is None or found.phi is None:
+    if not found.prior or found.phi is None:
         return None
     robot, given = found.robot(), found.model
     columns: list[page.Column] = ["link", ("mass [kg]", ":.3g"), ("file's [kg]", ":.3g"), ("ratio", ":.2f")]

@@ -10,7 +10,6 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.evaluate import Evaluation, Spread
-from catenary.calibration.fit_recordings import LeftOut
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import MotionLog
@@ -93,17 +92,6 @@ def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
         shares = "in intervals [% of rows]"
         columns.append((shares, lambda s: f"{100 * s.held_low:.0f} to {100 * s.held_high:.0f} %"))
     return Table(columns, spread, "RMSE on data that the fit did not see, and on a stretch to come")
-
-
-def left_out_table(found: Sequence[LeftOut]) -> Table:
-    """Return the error by joint with and without the rows that a fit left out."""
-    unit = in_units(each.unit for each in found)
-    columns: list[Column] = [
-        "joint", "unit", ("beyond limit [rows]", "beyond"), ("left out [% of rows]", "share_of_rows:.2f %"),
-        ("carry [% of error]", "share_of_error:.0f %"), (f"RMSE without {unit}", "rmse_without:.3f"),
-        (f"with {unit}", "rmse_with:.3f"),
-    ]  # fmt: skip
-    return Table(columns, found, f"Error with and without the {found[0].rows} measured rows left out")
 
 
 def coverage_table(evaluation: Evaluation) -> Table | None:

@@ -143,7 +143,6 @@ class SignalFilter:
 
     order: Annotated[int, Field(ge=1, le=10)]  # of one pass; the filter goes forth and back
     cutoff_hz: Positive
-    period_samples: Annotated[int, Field(ge=1)] | None = None  # of the excitation; its first is reported too
     cut_time_constants: Annotated[float, Field(ge=0.0)] = 5.0  # mirrored beyond either end, and left out within it
 
     @property
@@ -166,7 +165,7 @@ class Actuation:
     filter: SignalFilter = SignalFilter(order=4, cutoff_hz=10.0)
     weighting: Weighting = "range"
     coulomb_velocity: Annotated[float, Field(ge=0.0)] = 0.0  # [rad/s or m/s] v0 of tanh(v / v0); sign at 0
-    find_rotors: bool = False  # beside those here: one on each joint without, where held-out blocks show it
+    find_rotors: bool = False  # beside those here: one on each joint without
     effort_scale: Row | None = None  # (n,) [Nm or N per unit] of recordings that hold raw efforts
     # (k,) SI, numbers of `actuation_terms`, where they are known: of an identified robot
     values: Row | None = None

@@ -44,7 +44,7 @@ _MAX_HASHES = 1_000_000  # that are compared
 MAX_ERROR_OPTION = "--max-error"
 _MEND_ROUNDS = 4  # of mends: one fault may hide another
 # steps that change what delay is found: friction holds back, either way
-_TIMING_STEPS = "time_unit", "sign", "delay", "shift"
+_TIMING_STEPS = "time_unit", "sign", "clock", "delay", "shift"
 _REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
 
 
@@ -171,7 +171,7 @@ def _relation(
     swapped, single = correspondence_findings(pairs, place)
     if swapped or single:  # sums of joints, and columns of others, lie unlike times behind
         late = [each for each in late if not each.joints]
-    in_step = changed is not None and not {"delay", "shift"}.isdisjoint(changed)
+    in_step = changed is not None and not {"clock", "delay", "shift"}.isdisjoint(changed)
     if not in_step and any(each.refuses and each.name == "delay" for each in late):
         return [*swapped, *turns, *late]  # rows out of step follow nothing, and their slopes mean nothing
     # slopes and leaps of columns of another scale, or of another joint, mean nothing either

@@ -1,10 +1,11 @@
 """Does each measured joint follow its own command? Every measurement is correlated with every command."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from catenary.arrays import Floats, Integers
+from catenary.units import DISPLAY
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import Pairs, slope_behind_slack
 
@@ -22,6 +23,9 @@ _COPIED_SHARE = 0.5
 _SINGLE_PRECISION = 1e-6  # of a position, to which single precision keeps it
 # of a measurement's variance, that its own command leaves, where all commands together leave a tenth of it
 _MIXED_UNEXPLAINED, _MIXED_RATIO = 0.1, 10.0
+_SHARE_OF_SUM = 0.03  # of a sum's spread, below which an entry may be what cables do
+_OWN_ENTRY = 0.15  # by which a joint's own entry may differ from one without being of a frame
+_BLOCKS = 8
 
 
 def joints_in_place(pairs: Pairs) -> Integers:
@@ -105,9 +109,11 @@ def _copied(pairs: Pairs) -> Iterator[Finding]:
 
 
 def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
-    """Find measurements that are sums of several joints' commands."""
+    """Find measurements that are sums of several joints' commands, and the matrix that parts them."""
     moving = np.flatnonzero(pairs.moved)
-    for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving):
+    matrix, said, entries = np.eye(len(pairs.names)), list[str](), list[str]()
+    shown = np.array([DISPLAY[unit][1] for unit in pairs.log.joint_units])
+    for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving).tolist():
         alone = 1.0 - float(pairs.correlation[i, place[i]]) ** 2
         rows = pairs.likely[:, i]
         if alone < _MIXED_UNEXPLAINED or rows.sum() < 4 * len(moving):
@@ -121,14 +127,32 @@ def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
         together = left / float(np.square(y).sum())
         if alone < _MIXED_RATIO * together:
             continue
-        shares = np.abs(np.linalg.lstsq(X, y, rcond=None)[0]) * X.std(axis=0)
-        first, second = (pairs.names[moving[k]] for k in np.argsort(-shares, kind="stable")[:2])
-        says = (
-            f"the measurement is a sum of commands, of {first} and {second} above all: alone its own leaves "
-            f"{alone:.0%} of its variance, all together {together:.1%}"
-        )
-        culprit = "motor positions in place of joint positions, or another frame"
-        yield Finding("mixed", (pairs.names[i],), says, culprit)
+        own, error = _entries(X, y)
+        counts = np.abs(own) * X.std(axis=0) > _SHARE_OF_SUM * y.std()
+        to_si = shown[moving] / shown[i]
+        for k, entry, width, is_in in zip(moving, own * to_si, 2.0 * error * to_si, counts, strict=True):
+            matrix[i, k] = entry if is_in and (k != i or abs(entry - 1.0) > _OWN_ENTRY) else float(k == i)
+            entries += [f"{pairs.names[i]}/{pairs.names[k]} {entry:.4g} +- {width:.1g}"] * bool(is_in)
+        said.append(f"{pairs.names[i]}: alone its own leaves {alone:.0%} of its variance, all together {together:.1%}")
+    if said:
+        names = tuple(text.partition(":")[0] for text in said)
+        apart = _couple(np.linalg.inv(matrix) - np.eye(len(matrix)), pairs.names)
+        told = f"measurements are sums of commands ({'; '.join(said)}), by {', '.join(entries)}"
+        turned = _couple(matrix - np.eye(len(matrix)), pairs.names)
+        culprit = f"motor positions, or another frame; if the robot reports these, --couple q_nominal:{turned}"
+        yield Finding("mixed", names, told, culprit, f"--couple {apart}")
+
+
+def _entries(X: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return coefficients (k,) of columns (N, k), and their standard errors by leaving out blocks of rows in turn."""
+    of_block = np.arange(len(y)) * _BLOCKS // len(y)
+    each = np.array([np.linalg.lstsq(X[of_block != b], y[of_block != b], rcond=None)[0] for b in range(_BLOCKS)])
+    return each.mean(axis=0), np.sqrt((_BLOCKS - 1) / _BLOCKS * np.square(each - each.mean(axis=0)).sum(axis=0))
+
+
+def _couple(matrix: Floats, names: Sequence[str]) -> str:
+    """Write the entries of a matrix (n, n) as `--couple` takes them."""
+    return ",".join(f"{names[i]}/{names[k]}={matrix[i, k]:.4g}" for i, k in np.argwhere(np.abs(matrix) > 1e-9).tolist())
 
 
 def _swaps(pairs: Pairs, place: Integers) -> Iterator[Finding]:

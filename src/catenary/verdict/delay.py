@@ -11,15 +11,17 @@ LOOKS is no number of rows, whose errors are the explanation's and not noise: it
 is worth, set by how far joints of untouched real recordings stray, and no more than joints turn, since between turns
 a cable's slack looks like a delay. An interval is where T is within z^2/2 of its best.
 It widens by itself where joints disagree, where motion is slow, and where hysteresis explains as much. Where each joint
-may choose between two delays, and T gains z^2/2 by that, their sensors have clocks of their own.
+may choose between two delays, and T gains z^2/2 by that, their sensors have clocks of their own. Where a delay that
+changes evenly along the recording gains as much, the two clocks run apart.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catenary.arrays import Flags, Floats, Integers, spread
 from catenary.plant import MotionLog
@@ -43,27 +45,38 @@ _TABLED_ROWS = 20_000  # rows of a recording whose columns are all made at once:
 _COARSE_DELAYS = 12  # delays on either side that are tried first, at most; whole rows where these are farther apart
 _OUTLIER_SIGMAS = 10.0  # robust deviations of the error beyond which rows are left out
 _BLOCKS = 8
-_TOLERANCE_S, _TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: delays below are none; half a row where there are no stamps
+_NO_CHANGE = 0.0, 0.0, 0.0
+TOLERANCE_S, _TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: delays below are none; half a row where there are no stamps
 _RESOLUTION_DEG_MM = 1e-3  # [deg, mm] below which nothing is left unexplained
 APART_S, APART_ROWS = 0.08, 2.0  # [s], rows by which joints must differ: slack of an odd law looks like less
 _PAUSE_STEPS = 4.0  # steps between rows across which nothing is read
-_CHANGE_SIGMAS = 5.0  # deviations by which a change along the recording must stand out
+_CHANGE_SIGMAS = 4.0  # deviations by which a change along the recording must stand out
+_DESCENTS = 6  # of offset and change in turn, each this much finer than the one before
+_FINER = 0.3
+_STEPS_ASIDE_S = 0.001 * 2.0 ** np.arange(11)  # [s] from the best, between which its interval ends
 
 
 @dataclass(frozen=True)
 class Delay:
     """By how much measurements lie behind their commands; negative where they lead."""
 
-    seconds: float  # rows where the recording has no stamps
+    seconds: float  # rows where the recording has no stamps; in the middle of the recording where it changes
     low: float  # of its interval
     high: float
     sure: Literal["certain", "likely", "none", "unknown"]  # whether there is one
-    change: float  # along the recording, zero unless it is certain
+    change: tuple[float, float, float]  # along the recording, and its interval; zero unless it is certain
     unit: Literal["s", "rows"]
     cost: float = 0.0  # sum of log RSS at the best
     apart: tuple[tuple[str, float], ...] = ()  # joints and their own delays, where not all have one
     apart_by: float = 0.0  # deviations by which they stand out
     median: float = 0.0  # of all joints' own delays
+    span: float = 0.0  # of the recording
+
+    @property
+    def clock(self) -> str:
+        """What `--clock` takes: the delay at the first row [s], and by how much it grows [millionths of the time]."""
+        change, span = self.change[0], max(self.span, 1e-9)
+        return f"{self.seconds - change / 2.0:.4f},{1e6 * change / span:.1f}"
 
     def __str__(self) -> str:
         """Say what was found and what could hide."""
@@ -77,10 +90,17 @@ class Delay:
         return size if self.sure == "certain" else f"perhaps {size}; friction could look the same here"
 
 
-def delay_of(log: MotionLog, place: Sequence[int] | Integers | None = None, about: float = 0.0) -> Delay:
+def delay_of(
+    log: MotionLog,
+    place: Sequence[int] | Integers | None = None,
+    about: float = 0.0,
+    *,
+    change_sigmas: float = _CHANGE_SIGMAS,
+) -> Delay:
     """Estimate a recording's delay near `about` [s, or rows without stamps].
 
-    `place` (n,) says which command each measurement follows; its own when None.
+    `place` (n,) says which command each measurement follows; its own when None. A change along the recording must stand
+    out by `change_sigmas`: less where two clocks are known to have been at work.
     """
     assert log.q_encoder is not None
     in_time = log.time is not None
@@ -96,21 +116,21 @@ def delay_of(log: MotionLog, place: Sequence[int] | Integers | None = None, abou
     ):  # poses with pauses all along
         return delay_of(replace(log, time=None), place, about / step if step else 0.0)
     unit: Literal["s", "rows"] = "s" if in_time else "rows"
-    tolerance = max(_TOLERANCE_S, _TOLERANCE_ROWS * step) if in_time else 0.5
+    tolerance = max(TOLERANCE_S, _TOLERANCE_ROWS * step) if in_time else 0.5
     scale = scales(log)
-    q, m = scale * log.q_nominal, scale * np.where(log.ok[:, None], log.q_encoder, 0.0)
+    q, measured = scale * log.q_nominal, log.q_encoder
     places = list(range(q.shape[1])) if place is None else [int(k) for k in place]
     moved = [k for k in range(q.shape[1]) if np.ptp(q[:, k]) > MOVED_DEG_MM]
     joints = [i for i, k in enumerate(places) if k in moved]
     if not joints or inside.sum() < MIN_EXPLAINED_ROWS:
-        return Delay(0.0, -np.inf, np.inf, "unknown", 0.0, unit)
-    block = np.zeros(len(t), dtype=np.int64)
+        return Delay(0.0, -np.inf, np.inf, "unknown", _NO_CHANGE, unit)
+    block = np.zeros(len(t), dtype=np.int8)
     block[inside] = np.arange(inside.sum()) * _BLOCKS // inside.sum()
     between = max(step, reach / _COARSE_DELAYS)
     count = int(np.floor(reach / between + 1e-9))
     coarse: Floats = np.float64(about) + between * np.arange(-count, count + 1, dtype=np.float64)
     motion = _Motion(q, t, moved, inside, block, in_time)
-    looks = [_JointLook(motion, m[:, i], places[i], coarse) for i in joints]
+    looks = [_JointLook(motion, scale[i] * np.where(log.ok, measured[:, i], 0.0), places[i], coarse) for i in joints]
     grid, costs = _scan(looks, coarse, between)
     total = costs[:, :, 0].sum(axis=0)
     best = int(np.argmin(total))
@@ -121,15 +141,23 @@ def delay_of(log: MotionLog, place: Sequence[int] | Integers | None = None, abou
     sure: Literal["certain", "likely", "none"] = "none"
     if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
         sure = "certain" if max(low, -high) > tolerance else "likely"
-    along = grid[np.argmin(costs[:, :, 1:].sum(axis=0), axis=0)]
+    along, span = np.argmin(costs[:, :, 1:].sum(axis=0), axis=0), float(np.ptp(t[inside]))
+    seconds, change = float(grid[best]), _NO_CHANGE
+    if in_time and span > 0.0:
+        apart_clocks = _Clocks(looks, motion, CERTAIN_SIGMAS**2 / worth)
+        seconds, change = apart_clocks.run_apart(seconds, grid[along], reach, change_sigmas)
+        if change[0]:
+            low, high = apart_clocks.interval(seconds, change[0])
+            sure = "certain" if max(low, -high) > tolerance else "none"
     own, gains = _apart(grid, costs[:, :, 0], max(APART_S, 4.0 * tolerance) if in_time else APART_ROWS)
     apart_by, fine = float(np.sqrt(worth * gains.sum())), between / 10.0 * np.arange(-10, 11)
+    apart_by *= not change[0]  # what runs apart lies unlike times behind, too
     of_joints = zip(joints, looks, own, worth * gains, strict=True) if apart_by > _LIKELY_SIGMAS else ()
     apart = [(log.joint_names[i], float(d + fine[look.costs(d + fine)[:, 0].argmin()]))
              for i, look, d, z2 in of_joints if z2 > 1.0]  # fmt: skip
     return Delay(
-        float(grid[best]), low, high, sure, _change(along, high - low), unit, float(total[best]), tuple(apart),
-        apart_by, float(np.median(own)),
+        seconds, low, high, sure, change, unit, float(total[best]), tuple(apart),
+        apart_by, float(np.median(own)), span,
     )  # fmt: skip
 
 
@@ -159,7 +187,7 @@ class _Motion(NamedTuple):
     t: Floats  # (N,) rising [s], or rows
     moved: list[int]  # joints
     inside: Flags  # (N,) rows that are read
-    block: Integers  # (N,)
+    block: NDArray[np.int8]  # (N,)
     in_time: bool
 
 
@@ -172,8 +200,12 @@ class _JointLook:
         away = np.abs(error - np.median(error[inside]))
         rows = np.flatnonzero(inside & (away <= _OUTLIER_SIGMAS * max(1.4826 * float(np.median(away[inside])), 1.0)))
         rows = in_stretches(rows, MAX_EXPLAINED_ROWS, q[:, own], motion.t if motion.in_time else None)
-        explanation = Explanation(q, own, motion.moved, len(rows))
-        few_rows = len(q) <= _TABLED_ROWS
+        few_rows, asked = len(q) <= _TABLED_ROWS, None
+        if not few_rows:
+            farthest = 2.0 * coarse[0] - coarse[1], 2.0 * coarse[-1] - coarse[-2]  # finer ones go beyond
+            last, first = (np.searchsorted(self.t, self.t[rows] - d) for d in farthest)
+            asked = [*zip(np.maximum(first - 2, 0).tolist(), (last + 2).tolist(), strict=True)]
+        explanation = Explanation(q, own, motion.moved, len(rows), asked=asked)
         self.columns_at = explanation.at(np.arange(len(q))).__getitem__ if few_rows else explanation.at
         few = rows[spread(len(rows), _SCANNED_ROWS)]
         best = coarse[int(np.argmin([np.mean(self.unexplained(few, d) ** 2) for d in coarse]))]
@@ -185,7 +217,7 @@ class _JointLook:
                 break
         self.rows = rows
 
-    def unexplained(self, rows: Integers, d: float) -> Floats:
+    def unexplained(self, rows: Integers, d: float | Floats) -> Floats:
         """Return what is unexplained of some rows when commands are read a time d earlier; each block has its zero."""
         from scipy.optimize import nnls
 
@@ -250,11 +282,64 @@ def _apart(grid: Floats, costs: Floats, least: float) -> tuple[Floats, Floats]:
     return grid[chosen], costs[:, one] - costs[np.arange(len(costs)), chosen]
 
 
-def _change(along: Floats, width: float) -> float:
-    """Return a delay's change over the recording; zero unless certain and wider than what is not known of one delay."""
-    k = np.arange(len(along)) - (len(along) - 1) / 2.0
-    slope = float(k @ along / (k @ k))
-    left = along - along.mean() - slope * k
-    deviation = float(np.sqrt(left @ left / (len(along) - 2) / (k @ k)))
-    change = slope * len(along)
-    return change if abs(slope) > _CHANGE_SIGMAS * deviation and abs(change) > width / 3.0 else 0.0
+class _Clocks:
+    """Delays that grow evenly along the recording, by the cost that one delay is found by."""
+
+    def __init__(self, looks: Sequence[_JointLook], motion: _Motion, certain: float) -> None:
+        """Take what joints are looked at by, and how much cost above the best is `certain` not to be chance."""
+        t = motion.t[motion.inside]
+        self._looks, self._certain = looks, certain
+        self._middle, self._span = float(t[0] + t[-1]) / 2.0, float(np.ptp(t))
+
+    def cost(self, delay: float, change: float, most: int = MAX_EXPLAINED_ROWS) -> float:
+        """Return the sum of log RSS where the delay in the middle is `delay`, and grows by `change` [s]."""
+        total = 0.0
+        for look in self._looks:
+            rows = look.rows[spread(len(look.rows), most)]
+            left = look.unexplained(rows, delay + change * (look.t[rows] - self._middle) / self._span)
+            total += float(np.log(np.mean(left**2) + _RESOLUTION_DEG_MM**2))
+        return total
+
+    def run_apart(
+        self, delay: float, along: Floats, reach: float, sigmas: float
+    ) -> tuple[float, tuple[float, float, float]]:
+        """Return the delay in the middle, and its change with an interval, zero unless it is certain."""
+        from scipy.stats import theilslopes
+
+        slope, level, *_ = theilslopes(along, np.linspace(-0.5, 0.5, len(along)))
+        starts = [(delay, aside) for aside in (*-_STEPS_ASIDE_S, *_STEPS_ASIDE_S)] + [(float(level), float(slope))]
+        few = [self.cost(*start, _SCANNED_ROWS) for start in starts]
+        needed = (sigmas / CERTAIN_SIGMAS) ** 2 * self._certain
+        if self.cost(delay, 0.0, _SCANNED_ROWS) - min(few) < needed / 3.0:
+            return delay, _NO_CHANGE
+        one = self.cost(delay, 0.0)
+        _, best, change = self._descent(*starts[int(np.argmin(few))], reach / 2.0)
+        # motion that repeats itself hides whole periods where a change is taken for none
+        others = best + np.linspace(-reach, reach, 4 * _COARSE_DELAYS + 1)
+        again = others[np.argmin([self.cost(other, change, _SCANNED_ROWS) for other in others])]
+        best, delay, change = self._descent(float(again), change, reach / 2.0)
+        if one - best < needed:
+            return delay, _NO_CHANGE
+        low, high = self._around(lambda aside: self.cost(delay, change + aside))
+        return delay, (change, change + low, change + high)
+
+    def interval(self, delay: float, change: float) -> tuple[float, float]:
+        """Return the interval of a delay that changes."""
+        low, high = self._around(lambda aside: self.cost(delay + aside, change))
+        return delay + low, delay + high
+
+    def _descent(self, delay: float, change: float, reach: float) -> tuple[float, float, float]:
+        """Return the least cost near a start, and where it is."""
+        width = reach
+        for turn in range(_DESCENTS):
+            most = MAX_EXPLAINED_ROWS if turn > 1 else _SCANNED_ROWS
+            asides = width * np.linspace(-1.0, 1.0, 11)
+            change += float(asides[np.argmin([self.cost(delay, change + aside, most) for aside in asides])])
+            delay += float(asides[np.argmin([self.cost(delay + aside, change, most) for aside in asides])])
+            width *= _FINER
+        return self.cost(delay, change), delay, change
+
+    def _around(self, cost: Callable[[float], float]) -> tuple[float, float]:
+        """Return the interval about zero in which a cost is not certainly above that at zero."""
+        asides = np.r_[-_STEPS_ASIDE_S[::-1], 0.0, _STEPS_ASIDE_S]
+        return _interval(asides, np.array([cost(aside) for aside in asides]), self._certain)

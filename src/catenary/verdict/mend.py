@@ -15,10 +15,18 @@ from catenary.units import TO_SI
 from catenary.verdict.turns import turned_back
 
 _ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an option may name: "tau:J2,J3"
-_NEEDS = {"shift": "q_encoder", "delay": "q_encoder", "time_unit": "time"}  # of steps that name no array
+_NEEDS = {
+    "shift": "q_encoder",
+    "delay": "q_encoder",
+    "time_unit": "time",
+    "clock": "q_encoder",
+}  # of steps that name no array
 # keys of `MotionLog.settled` that a model's file may hold
-MEND_KEYS = r"^(shift|delay|time_unit|(units|swap|sign|scale|offset)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
+MEND_KEYS = (
+    r"^(shift|delay|time_unit|(units|swap|sign|scale|offset|couple)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
+)
 AS_TRAINED = "corrected as the model's training data"  # how a note on them opens
+_MAX_PPM = 1e5  # of one clock beside another: no oscillator is that far off
 _TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1e3}
 
 
@@ -34,6 +42,11 @@ class Mend:
     scale: tuple[str, ...] = ()  # "J3=0.5" each: the column of q_encoder times that; "tau:J3=0.5" of another array
     offset: tuple[str, ...] = ()  # "q_nominal:J3=0.1" each: add that to the column [rad, m, Nm or N]
     delay: float = 0.0  # by which the measurement lies behind the command [s]
+    # "J2/J1=0.145" each: the column of J2 becomes itself and 0.145 times that of J1 as recorded; "tau:J1/J2=-0.145"; of
+    # q_nominal, qd and q_reported go with it
+    couple: tuple[str, ...] = ()
+    # "0.73,50": by which it does at the first row [s], and by how much that grows [ppm]: the sensor's clock is fast
+    clock: tuple[str, ...] = ()
     shift: int = 0  # rows by which it does, of a recording without stamps
     time_unit: str = "s"  # of the stamps: s, ms, us, ns, min or ks
     leave_out: tuple[str, ...] = ()  # "100:120" each: rows 100 to 119 are not trusted
@@ -97,10 +110,13 @@ class Mend:
 NO_MEND = Mend()
 
 
+_OF_ONE = "leave_out", "clock"  # steps that are of one recording alone
+
+
 def mends_of(logs: Sequence[MotionLog]) -> dict[str, tuple[str, ...]]:
-    """Return the mends that recordings have in common, but for rows left out: what their like will need."""
+    """Return the mends that recordings have in common, but for those of one alone: what their like will need."""
     common = [key for key, texts in logs[0].settled.items() if all(log.settled.get(key) == texts for log in logs)]
-    return {key: logs[0].settled[key] for key in common if logs[0].settled[key] and key != "leave_out"}
+    return {key: logs[0].settled[key] for key in common if logs[0].settled[key] and key not in _OF_ONE}
 
 
 def _settled(log: MotionLog, step: str, text: str) -> tuple[str, str]:
@@ -108,7 +124,7 @@ def _settled(log: MotionLog, step: str, text: str) -> tuple[str, str]:
     array, words = units_of(text)
     if step == "units":
         words = tuple(w if "=" in w else f"{n}={w}" for n, w in zip(log.joint_names, words, strict=False))
-    elif step in ("swap", "sign", "scale", "offset"):
+    elif step in ("swap", "sign", "scale", "offset", "couple"):
         array = array or _default(log)
     return (f"{step}:{array}", f"{array}:{','.join(words)}") if array else (step, ",".join(words))
 
@@ -193,6 +209,18 @@ def _offset(log: MotionLog, text: str) -> MotionLog:
     return replace(log, **{key: values})  # type: ignore[arg-type]  # an array by its name
 
 
+def _couple(log: MotionLog, text: str) -> MotionLog:
+    array, entries = _numbers(text, "--couple", "JOINT/JOINT=NUMBER such as J2/J1=0.145")
+    key, _ = _array(log, array, "--couple")
+    matrix = np.eye(len(log.joint_names))
+    for pair, number in entries.items():
+        row, _, column = pair.partition("/")
+        matrix[_joint(log, row, "--couple"), _joint(log, column, "--couple")] += number
+    with_it = [key] + ["q_reported", "qd"] * (key == "q_nominal")
+    coupled = {each: getattr(log, each) @ matrix.T for each in with_it if getattr(log, each) is not None}
+    return replace(log, **coupled)
+
+
 def _numbers(text: str, option: str, expected: str) -> tuple[str | None, dict[str, float]]:
     """Return the array that an option names, and its numbers by joint, none of them zero."""
     array, parts = units_of(text)
@@ -227,15 +255,35 @@ def _delay(log: MotionLog, text: str) -> MotionLog:
     return _later(log, log.time, float(text), f"--delay {text}")
 
 
-def _later(log: MotionLog, time: Floats, by: float, option: str) -> MotionLog:
+def clock_of(text: str) -> tuple[float, float]:
+    """Read how far one clock is ahead of another at first [s], and how fast it is beside it (1e-6 for one ppm)."""
+    words = text.split(",")
+    try:
+        ahead, ppm = float(words[0]), float(words[1]) if words[1:] else 0.0
+    except ValueError:
+        ahead = ppm = np.nan
+    if len(words) > 2 or not np.isfinite(ahead) or not abs(ppm) < _MAX_PPM:
+        raise InputError(f"--clock: expected seconds and ppm such as 0.73,50, got {text!r}")
+    return ahead, 1e-6 * ppm
+
+
+def _clock(log: MotionLog, text: str) -> MotionLog:
+    ahead, fast = clock_of(text)
+    if log.time is None:
+        raise InputError(f'recording "{log.name}": --clock: it has no time stamps')
+    return _later(log, log.time, ahead + fast * (log.time - log.time[0]), f"--clock {text}")
+
+
+def _later(log: MotionLog, time: Floats, by: float | Floats, option: str) -> MotionLog:
     """Read measurements that much later, between neighbouring rows that were measured."""
     whose = f'recording "{log.name}": {option}'
     if log.q_encoder is None:
         raise InputError(f"{whose}: it has no measured joint positions")
     measured, ok = np.full(log.q_encoder.shape, np.nan), np.zeros(len(log), dtype=bool)
+    ahead = np.broadcast_to(by, len(log))
     for first, last in pairwise(sorted({*log.starts, *log.gaps(), len(log)})):
         t, seen, trusted = time[first:last], log.q_encoder[first:last], log.ok[first:last]
-        at = t + by
+        at = t + ahead[first:last]
         after = np.clip(np.searchsorted(t, at), min(1, len(t) - 1), len(t) - 1)  # the row at or after that instant
         share = np.clip((at - t[after - 1]) / np.maximum(t[after] - t[after - 1], 1e-12), 0.0, 1.0)
         before = np.where(share < 1.0, after - 1, after)
@@ -293,5 +341,5 @@ def left_out_rows(log: MotionLog) -> Flags:
 
 # units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps; rows
 # that stand still are told among measurements that were brought into time
-_IN_ORDER = (_units, _time_unit, _swap, _sign, _scale, _offset, _delay, _shift, _leave_out)
+_IN_ORDER = (_units, _time_unit, _swap, _sign, _scale, _offset, _couple, _clock, _delay, _shift, _leave_out)
 _STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {each.__name__.strip("_"): each for each in _IN_ORDER}

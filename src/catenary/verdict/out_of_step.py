@@ -58,12 +58,17 @@ def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay 
     """Find one delay of all joints; there is always one finding or more."""
     from scipy.stats import spearmanr
 
-    along = f"the delay changes by {near.change:+.3g} {near.unit} along the recording"
-    clocks = [_clock(along, near)] if near.change else []
+    change = near.change[0]
+    if change:
+        ppm, low, high = (1e6 * each / near.span for each in near.change)
+        says = (
+            f"the delay grows by {change:+.3g} {near.unit} along the recording, {ppm:.0f} ppm ({low:.0f} to {high:.0f})"
+        )
+        apart = replace(_clock(says, near), remedy=f"--clock {near.clock}")
+        return [apart, *[replace(_delay(near), remedy="")] * (near.sure == "certain")]
+    clocks: list[Finding] = []
     if near.sure == "certain":
-        return [*clocks, _delay(near)]
-    if clocks:
-        return clocks
+        return [_delay(near)]
     step = 0.0 if log.time is None or len(log) < 2 else float(np.median(np.diff(log.time)))
     stride = (
         max(1, round(_MAX_LAG_S / _MAX_LAG_ROWS / step)) if step > 0.0 else 1

@@ -30,9 +30,12 @@ def scales(log: MotionLog) -> Floats:
 
 def outliers(errors: Floats) -> tuple[Integers, Floats]:
     """Return how many of N errors (N, n) lie beyond OUTLIER_SIGMAS robust standard deviations, and these, (n,)."""
-    deviation = np.abs(errors - np.median(errors, axis=0))
-    spread: Floats = 1.4826 * np.median(deviation, axis=0)  # the standard deviation, if errors were normal
-    return (deviation > OUTLIER_SIGMAS * np.maximum(spread, 1e-9)).sum(axis=0), spread
+    count, spread = np.zeros(errors.shape[1], dtype=np.int64), np.zeros(errors.shape[1])
+    for j, column in enumerate(errors.T):  # one at a time: of a long recording each is large
+        deviation = np.abs(column - np.median(column))
+        spread[j] = 1.4826 * np.median(deviation)  # the standard deviation, if errors were normal
+        count[j] = (deviation > OUTLIER_SIGMAS * max(spread[j], 1e-9)).sum()
+    return count, spread
 
 
 def slack_of(command: Floats, measured: Floats) -> float:
@@ -101,18 +104,22 @@ def pairs_of(log: MotionLog) -> Pairs | None:
         return None
     scale = scales(log)
     q, m = scale * log.q_nominal[log.ok], scale * log.q_encoder[log.ok]
-    spread = np.maximum(outliers(m - q)[1], MOVED_DEG_MM)
-    likely = np.abs(m - q - np.median(m - q, axis=0)) <= OUTLIER_SIGMAS * spread
+    likely, errors = np.empty(q.shape, dtype=bool), m - q
+    for j, (column, deviation) in enumerate(zip(errors.T, outliers(errors)[1], strict=True)):
+        likely[:, j] = np.abs(column - np.median(column)) <= OUTLIER_SIGMAS * max(deviation, MOVED_DEG_MM)
+    del errors
     moved = np.ptp(q, axis=0) > MOVED_DEG_MM
     n = len(scale)
     correlation, slope, seen_moving = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n, dtype=bool)
     for i in range(n):
         rows = likely[:, i]
-        command, measured = q[rows] - q[rows].mean(axis=0), m[rows, i] - m[rows, i].mean()
-        size, own = np.linalg.norm(command, axis=0), float(np.linalg.norm(measured))
+        measured, size, product = m[rows, i] - m[rows, i].mean(), np.zeros(n), np.zeros(n)
+        for j in range(n):
+            command = q[rows, j] - q[rows, j].mean()
+            size[j], product[j] = np.linalg.norm(command), command @ measured
+        own = float(np.linalg.norm(measured))
         seen_moving[i] = np.ptp(m[rows, i]) > MOVED_DEG_MM * 1e-3 if rows.any() else False
         both = moved & (size > 0.0) & (own > 0.0)
-        product = command.T @ measured
         correlation[i, both] = product[both] / size[both] / own
         slope[i, both] = product[both] / size[both] ** 2
     return Pairs(log, q, m, likely, correlation, slope, moved, seen_moving)
@@ -143,6 +150,7 @@ def reversals_of(command: Floats) -> int:
 # radii of plays, as shares of a joint's range: few where they are tried again and again, as for each delay
 PLAY_RADII = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)
 FINE_RADII = (0.001, 0.002, 0.004, 0.007, 0.012, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.2)
+_ROUNDING_DEG_MM, _WIDER_RATIO = 1e-6, 1.5
 _FOLLOWS_SHARE = 0.5  # share of a joint's full motion from which on it counts as following its command
 TRIM_SIGMAS = 6.0  # robust deviations of what is unexplained, beyond which rows are left out
 MAX_EXPLAINED_ROWS, MIN_EXPLAINED_ROWS = 1000, 80
@@ -152,15 +160,22 @@ class Explanation:
     """Columns that explain one joint's measurement, at rows as they are asked for: few of a long recording are."""
 
     def __init__(
-        self, q: Floats, own: int, moved: Sequence[int], rows: int, radii: Sequence[float] = PLAY_RADII
-    ) -> None:
-        """Take commands (N, n), those `moved` in units of their ranges, and plays of `radii` in that of its own."""
+        self, q: Floats, own: int, moved: Sequence[int], rows: int, radii: Sequence[float] = PLAY_RADII,
+        asked: Sequence[tuple[int, int]] | None = None,
+    ) -> None:  # fmt: skip
+        """Take commands (N, n), those `moved` in units of their ranges, and plays of `radii` in that of its own.
+
+        Plays of rows that lie in none of the stretches `asked`, from first to last rows, are forgotten.
+        """
         self._q, self._moved, self._own, self._most = q, list(moved), own, rows // 15 - 10
         self._mean, self._range = q.mean(axis=0), np.ptp(q, axis=0)
-        z = self._scaled(own, slice(None))
-        self._plays = np.empty((len(z), len(radii)), dtype=np.float32)
+        z, kept = self._scaled(own, slice(None)), np.zeros(len(q), dtype=bool)
+        for first, last in [(0, len(q) - 1)] if asked is None else asked:
+            kept[first : last + 1] = True
+        self._plays = np.empty((int(kept.sum()), len(radii)), dtype=np.float32)
+        self._place = np.cumsum(kept, dtype=np.int32) - np.int32(1)  # of each row's plays
         for k, radius in enumerate(radii):
-            self._plays[:, k] = play(z, radius)
+            self._plays[:, k] = play(z, radius)[kept]
 
     def _scaled(self, k: int, rows: Integers | slice) -> Floats:
         scaled: Floats = (self._q[rows, k] - self._mean[k]) / self._range[k]
@@ -175,7 +190,7 @@ class Explanation:
         if len(moved) <= 4:
             cubes = ((a, b, c) for a in moved for b in moved for c in moved if a <= b <= c and (a, c) != (own, own))
             more += [z[a] * z[b] * z[c] for a, b, c in cubes]
-        return np.column_stack([*free, *more[: max(0, self._most - len(free))], self._plays[rows]])
+        return np.column_stack([*free, *more[: max(0, self._most - len(free))], self._plays[self._place[rows]]])
 
 
 class Hysteresis(NamedTuple):
@@ -223,4 +238,7 @@ def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats)
         return np.nan, np.nan
     late = int(np.argmax(follows >= _FOLLOWS_SHARE * follows[-1]))
     slack = 0.0 if alone >= _FOLLOWS_SHARE * follows[-1] else 2.0 * FINE_RADII[late] * size
-    return float(2.0 * np.array(FINE_RADII) @ weights), slack
+    loop = float(2.0 * np.array(FINE_RADII) @ weights)
+    spread = float(np.ptp((seen - q[rows, own])[keep]))
+    # no loop is wider than all errors together: what looks far wider is no hysteresis
+    return (min(loop, spread), slack) if loop <= _WIDER_RATIO * spread + _ROUNDING_DEG_MM else (np.nan, np.nan)

@@ -1,7 +1,7 @@
 """Did the sensors measure? Stuck encoders, rows of zeros, single wild measurements."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -103,15 +103,16 @@ def filled_findings(log: MotionLog) -> list[Finding]:
     rows = np.flatnonzero(log.ok)
     if log.q_encoder is None or len(rows) < _WINDOW_ROWS[0]:
         return []
-    q, m = log.q_nominal[rows], log.q_encoder[rows]
+    q, m = (x if len(rows) == len(x) else x[rows] for x in (log.q_nominal, log.q_encoder))
     fine = [j for j, x in enumerate(m.T) if _step_of(x) is None]  # on a grid, three rows lie on lines often
     stamps = [rows.astype(float), *([] if log.time is None else [log.time[rows]])]
-    moves = np.abs(m[2:, fine] - m[:-2, fine]).max(axis=1, initial=0.0)
-    ways = [("are on straight lines between others", _off_lines(m[:, fine], at), _off_lines(q, at)) for at in stamps]
-    ways += [("are the commands themselves", np.abs(m - q)[1:-1, fine], _off_lines(q, at)) for at in stamps[:1]]
-    for (what, off, bent), line in itertools.product(ways, _ON_LINE_SI):
-        away = off.max(axis=1, initial=0.0)
-        on, bends = (away <= line) & (moves > 10.0 * line), bent.max(axis=1) > 10.0 * line
+    m = m[:, fine] if len(fine) < m.shape[1] else m
+    moves = _largest((x[2:] - x[:-2] for x in m.T), len(m) - 2)
+    ways = [("are on straight lines between others", _off_lines(m, at), _off_lines(q, at)) for at in stamps]
+    off = _largest(((x - q[:, j])[1:-1] for x, j in zip(m.T, fine, strict=True)), len(m) - 2)
+    ways.append(("are the commands themselves", off, ways[0][2]))
+    for (what, away, bent), line in itertools.product(ways, _ON_LINE_SI):
+        on, bends = (away <= line) & (moves > 10.0 * line), bent > 10.0 * line
         stretches = [(a, b) for a, b in _stretches(on) if b - a >= _MIN_FILLED_ROWS and bends[a:b].any()]
         count = sum(b - a for a, b in stretches)
         if count > _FILLED_SHARE * len(on) and np.median(np.r_[0.0, away[away > line]]) > _OFF_LINE_RATIO * line:
@@ -126,10 +127,18 @@ def filled_findings(log: MotionLog) -> list[Finding]:
 
 
 def _off_lines(x: Floats, at: Floats) -> Floats:
-    """Return how far rows lie off the lines between their neighbours, (N - 2, n)."""
+    """Return how far rows (N, n) lie off the lines between their neighbours, the farthest of the columns, (N - 2,)."""
     whole = at[2:] - at[:-2]
-    share = np.divide(at[1:-1] - at[:-2], whole, out=np.full(len(whole), np.nan), where=whole > 0.0)[:, None]
-    return np.asarray(np.abs(x[1:-1] - (1.0 - share) * x[:-2] - share * x[2:]))
+    share = np.divide(at[1:-1] - at[:-2], whole, out=np.full(len(whole), np.nan), where=whole > 0.0)
+    return _largest((column[1:-1] - (1.0 - share) * column[:-2] - share * column[2:] for column in x.T), len(share))
+
+
+def _largest(columns: Iterable[Floats], rows: int) -> Floats:
+    """Return the largest magnitude over columns, (N,): one at a time, so that long recordings need little memory."""
+    found = np.zeros(rows)
+    for column in columns:
+        np.maximum(found, np.abs(column), out=found)
+    return found
 
 
 def _stuck(pairs: Pairs, joints: list[int], still: Flags) -> Finding:
@@ -248,13 +257,15 @@ def _told_apart(score: Floats, missing: Flags) -> float:
 def _every_row(log: MotionLog) -> tuple[Floats, Flags]:
     """Return commands of all rows, those that stamps show to be absent included, and which have no measurement."""
     steps = np.diff([] if log.time is None else log.time)
-    q = log.q_nominal / np.maximum(np.ptp(log.q_nominal, axis=0), 1e-12)
-    off, way = np.diff(q, n=2, axis=0) / 2.0, np.diff(q, axis=0)  # of a row that lay halfway between its neighbours
-    if not (steps > 0.0).any() or np.linalg.norm(off) > _SMOOTH_SHARE * np.linalg.norm(way):
-        return log.q_nominal, ~log.ok
-    counted = steps / np.median(steps[steps > 0.0])
+    counted = steps / np.median(steps[steps > 0.0]) if (steps > 0.0).any() else np.zeros(0)
     # steps of untouched recordings go up to 1.7 usual ones; across longer gaps commands are not known
     absent = np.where((counted > _ABSENT_STEPS) & (counted < GAP_STEPS), np.rint(counted) - 1.0, 0.0).astype(int)
+    if not absent.any():
+        return log.q_nominal, ~log.ok
+    q = log.q_nominal / np.maximum(np.ptp(log.q_nominal, axis=0), 1e-12)
+    off, way = np.diff(q, n=2, axis=0) / 2.0, np.diff(q, axis=0)  # of a row that lay halfway between its neighbours
+    if np.linalg.norm(off) > _SMOOTH_SHARE * np.linalg.norm(way):
+        return log.q_nominal, ~log.ok
     after = np.repeat(np.arange(len(steps)), absent + 1)  # the row that each one follows, or is
     share = (np.arange(len(after)) - np.searchsorted(after, after)) / (absent + 1)[after]
     between = (1.0 - share)[:, None] * log.q_nominal[after] + share[:, None] * log.q_nominal[after + 1]

@@ -25,7 +25,6 @@ from catenary.errors import CatenaryError, ExcitationError, FileFormatError, Inp
 from catenary.file_formats import endings, format_named, format_of
 from catenary.files import card_path, card_text
 from catenary.gravity.mass_doubts import mass_doubts
-from catenary.identification.course import course_findings
 from catenary.identification.explanations.findings import torque_findings
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
@@ -46,7 +45,7 @@ from catenary.units import DISPLAY
 from catenary.verdict.check import MAX_ERROR_OPTION, judged, repeated_findings, robot_of
 from catenary.verdict.finding import Finding
 from catenary.verdict.mend import NO_MEND, Mend, retimed_by, units_of
-from catenary.verdict.pairs import OUTLIER_SIGMAS, hysteresis_of, outliers
+from catenary.verdict.pairs import MOVED_DEG_MM, OUTLIER_SIGMAS, hysteresis_of, outliers
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping
 from catenary.workflows.project.folder import SETTINGS
@@ -169,7 +168,8 @@ def check_recording(
     found.lines[0] = ("recording", f"{layout}{', ' if layout else ''}{found.lines[0][1]}")
     found.findings = findings
     found.remarks = [f"{each.name}: {each}" for each in findings if not each.refuses]
-    few = [f"{j['name']} {j['reversals']} times" for j in found.facts["joints"] if 0 < j["reversals"] < _MIN_REVERSALS]
+    seen = [j for j in found.facts["joints"] if (j["highest"] - j["lowest"]) * DISPLAY[j["unit"]][1] > MOVED_DEG_MM]
+    few = [f"{j['name']} {j['reversals']} times" for j in seen if j["reversals"] < _MIN_REVERSALS]
     found.remarks += [f"few reversals ({', '.join(few)}): they hardly show slack and hysteresis"] * bool(few)
     lost = int((~log.ok).sum())
     if log.q_encoder is None:
@@ -460,7 +460,6 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
         still = [name for name, v in zip(model.joint_names, speed, strict=True) if v < _STILL_SPEED and terms == "full"]
         remarks += [*samples.notes, *[f"stands still: {', '.join(still)}"] * bool(still)]
         result = identify_samples([samples], model, options)
-        found = (*found, *course_findings(result, samples))
     except (InputError, ExcitationError) as error:
         faults = [str(error)]
     faults = [*(f"{each.name}: {each}" for each in found if each.refuses), *faults]

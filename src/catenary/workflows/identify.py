@@ -7,26 +7,24 @@ Of a longer arm some joints may be identified alone: the others are held where r
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.dynamics.actuation_loads import known_loads
-from catenary.dynamics.external_torque import IN_95_PERCENT, ExternalTorque, MomentumObserver, external_wrench
+from catenary.dynamics.external_torque import IN_95_PERCENT, ExternalTorque, external_wrench
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.file_formats import format_of
 from catenary.files import write_atomically
 from catenary.gravity.mass_doubts import mass_doubts
-from catenary.identification.course import course_findings
 from catenary.identification.drive_gains import DriveGains
 from catenary.identification.explanations.arm import arm_as_found
 from catenary.identification.explanations.findings import GAINS, day_findings, explained_torques, findings_against
 from catenary.identification.identification import CarriedBody, Identification, gains_of, identify_samples, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
-from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, rotors_beside
+from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.residuals import rms
 from catenary.identification.samples import HELD_OUT, Samples, check_positions, prepare
@@ -99,7 +97,6 @@ def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
 
 
 STEADY = 0.7  # of the RMS, and of the interval, from which on a mean is a torque that was there all along
-PAUSE = 3.0  # usual steps of time: after a longer one the observer begins anew
 WRENCH = (*(f"force:{axis} [N]" for axis in "xyz"), *(f"moment:{axis} [Nm]" for axis in "xyz"))
 
 
@@ -112,7 +109,6 @@ class ExternalTorques:
     time: Floats  # (N,) [s]
     torque: Floats  # (N, n) [Nm or N] by inverse dynamics
     half_width: Floats  # (n,) within which 95 of 100 lie where nothing touches the arm
-    observed: Floats | None  # (N, n) by the momentum observer
     wrench: Floats  # (N, 6) force [N], moment [Nm]; NaN of what the joints do not feel
     wrench_half_width: Floats  # (N, 6)
     notes: tuple[str, ...]
@@ -157,8 +153,6 @@ class ExternalTorques:
         named = [f"{name} [{TORQUE_UNIT[unit]}]" for name, unit in joints]
         within = np.tile(self.half_width, (len(self.time), 1))
         parts: list[tuple[str, Sequence[str], Floats]] = [("external", named, self.torque), ("within", named, within)]
-        if self.observed is not None:
-            parts.append(("momentum", named, self.observed))
         parts += [("tip", WRENCH, self.wrench), ("within:tip", WRENCH, self.wrench_half_width)]
         header = ["t [s]", *(f"{kind}:{name}" for kind, names, _ in parts for name in names)]
         rows = np.column_stack([self.time, *(values for _, _, values in parts)])
@@ -170,7 +164,7 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
     """Return what identified parameters leave of a recording's torques: M qdd + C qd + g + friction - tau.
 
     The interval is 1.96 times the RMS that they leave of recordings that were not fitted: of `unloaded` ones, else of
-    the tests of the identification. A second opinion comes from momentum, which needs no acceleration.
+    the tests of the identification.
     """
     torque = result.predict_samples(pushed) - pushed.tau
     notes = list[str]()
@@ -195,30 +189,8 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
                 f"{name}: {mean:+.3g} {unit} all along: a zero of its torque that shifted looks like a steady push; "
                 "begin the recording untouched"
             )
-    observed, why = _observed(result, pushed)
-    notes += [] if why is None else [f"no momentum observer: {why}"]
-    found = torque, half_width, observed, wrench, width, tuple(notes)
+    found = torque, half_width, wrench, width, tuple(notes)
     return ExternalTorques(pushed.name, result.model, pushed.time, *found)
-
-
-def _observed(result: Identification, pushed: Samples) -> tuple[Floats | None, str | None]:
-    """Return external torques (N, n) by momentum, or why there are none."""
-    if result.phi is None or result.options.terms == "static" or pushed.base is not None:
-        return None, "it needs masses and a motion on a base at rest (not --free, not --terms static)"
-    robot = result.robot()
-    loads = known_loads(robot)
-    if loads is not None and loads.depends_on_load:
-        return None, "friction grows with the load, and so with accelerations"
-    observer = MomentumObserver(robot, cutoff_hz=filter_of(robot, result.options).cutoff_hz, loads=loads)
-    steps = np.diff(pushed.time, prepend=pushed.time[0])
-    usual = float(np.median(steps[1:]))
-    down = np.broadcast_to(pushed.motion()[3], (len(pushed), 3))
-    measured, shown = pushed.tau + pushed.known, np.empty_like(pushed.q)
-    for k, step in enumerate(steps):
-        if not 0.0 < step <= PAUSE * usual:
-            observer.reset()
-        shown[k] = observer.update(pushed.q[k], pushed.qd[k], measured[k], down[k], max(step, 1e-9))
-    return shown, None
 
 
 POOR = 0.6  # relative residual from which on it is asked whether two axes are swapped
@@ -244,7 +216,7 @@ class IdentifyResult:
             "rank",
             "robot",
             "physically_consistent",
-            "prior_weight",
+            "prior",
             "friction",
             "bodies",
             "training",
@@ -339,7 +311,6 @@ def identify_files(
             f"stated {gains.load:g}",
         ]
     notes += judge([*stamps, *day_findings(model, training)], accept)
-    notes += judge([(part.name, each) for part in whole for each in course_findings(result, part)], accept)
     notes += doubts
     uses = [*((log, "fitted") for log in read), *((log, "tested") for log in read_tests)]
     data = [{"log": log.name, "sha256": log.sha256, "rows": len(log), "use": use} for log, use in uses]
@@ -372,9 +343,8 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
     yield from (f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons)
     for residual in (*result.training, *result.tests):
         left = zip(result.model.joint_names, residual.relative_rms, strict=True)
-        if poor := {name: f"{share:.2f}" for name, share in left if share > POOR}:
-            told = f"little of the torque of {', '.join(poor)} is explained ({', '.join(poor.values())} of it is left)"
-            yield f"{residual.log}: {told}"
+        if poor := [f"{name} ({share:.2f} of it is left)" for name, share in left if share > POOR]:
+            yield f"{residual.log}: little of the torque is explained of {', '.join(poor)}"
     yield from mass_doubts(result.robot(), described=model) if result.phi is not None else ()
     by_kind: dict[str, list[str]] = {}
     for part in result.friction:
@@ -388,19 +358,9 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
             "friction: each recording has its own, masses are those of all: held-out blocks are predicted better; the "
             f"robot, and what was not fitted, has that of {last}"
         )
-    if (weight := result.prior_weight) is not None:
-        yield f"masses are drawn to those of the robot's file with weight {weight:g}, chosen on held-out blocks"
-    beside = rotors_beside(model) if options.find_rotors and options.rotors is None and not static else ()
-    tried = ", ".join(rotor.name for rotor in beside if rotor.name not in result.unshown)
-    if tried and result.rotors:
-        yield f"rotors: a reflected inertia of {tried}: held-out blocks are predicted better"
-    elif tried:
-        yield f"rotors: none of {tried}: held-out blocks are predicted no better with a reflected inertia"
-    hidden = [rotor.name for rotor in beside if rotor.name in result.unshown]
-    of_days = [name for name in result.unshown if name not in hidden]
-    for what, names in (("rotors", hidden), ("friction of each recording", of_days)):
-        if names:
-            yield f"{what}: not shown by the motion: {', '.join(names)}; move each joint by itself and faster"
+    if result.unshown:
+        hidden = ", ".join(result.unshown)
+        yield f"rotors: not shown by the motion: {hidden}; move each joint by itself and faster"
 
 
 @dataclass(frozen=True)
@@ -432,10 +392,7 @@ def payload_of_files(
     """
     result, samples, notes = _read_for(model, (*logs, *unloaded), of_arm=False, **how)  # of a load the estimate tells
     loaded, empty = samples[: len(logs)], samples[len(logs) :]
-    if at is not None:
-        best, *candidates = (estimate_payload(result, loaded, at=at, unloaded=empty),)
-    else:
-        best, *candidates = payload_candidates(result, loaded, unloaded=empty)
+    best, *candidates = payload_candidates(result, loaded, at=at, unloaded=empty)
     if best.rival:
         notes.append(f"a load on {best.link} cannot be told from {best.rival}")
     if best.mass is None:
@@ -450,19 +407,51 @@ def external_torques_of_file(log: Path, model: Path, *, unloaded: Sequence[Path]
     return replace(found, notes=(*notes, *found.notes))
 
 
+class ArmChange(NamedTuple):
+    """What a recording shows that differs from an arm as it was identified."""
+
+    recording: str
+    finding: str  # of FINDINGS
+    joints: tuple[str, ...]
+    says: str
+
+
+def changes_of_files(model: Path, logs: Sequence[Path], **how: Any) -> tuple[list[ArmChange], list[str]]:
+    """Return how an identified arm has changed by recordings of it, zeros, gains, loads and friction, and notes.
+
+    Arguments as `payload_of_files`. Nothing is refused that the arm itself may have become.
+    """
+    result, samples, notes, read = _read(model, logs, **how)
+    found = [(part.name, each) for part in samples for each in findings_against(result, part)]
+    for log in () if found else read:
+        check_positions(log, result.model)
+    return [ArmChange(name, each.name, each.joints, each.says) for name, each in found], notes
+
+
 def _read_for(
+    model: Path, paths: Sequence[Path], *, accept: Sequence[str] = (), of_arm: bool = True, **how: Any
+) -> tuple[Identification, list[Samples], list[str]]:
+    """Return identified parameters, recordings filtered as they were, and notes on these, which are judged first.
+
+    What the arm carries beside its own is among the notes if `of_arm`.
+    """
+    result, samples, notes, read = _read(model, paths, accept=accept, **how)
+    found = [(s.name, each) for s in samples for each in findings_against(result, s)]
+    notes += judge([each for each in found if of_arm or each[1].name != "arm"], accept, done="weighed")
+    for log in read:  # behind what may explain them
+        check_positions(log, result.model)
+    return result, samples, notes
+
+
+def _read(
     model: Path,
     paths: Sequence[Path],
     *,
     cutoff_hz: float | None = None,
     reading: Reading | None = None,
     accept: Sequence[str] = (),
-    of_arm: bool = True,
-) -> tuple[Identification, list[Samples], list[str]]:
-    """Return identified parameters, recordings filtered as they were, and notes on these, which are judged first.
-
-    What the arm carries beside its own is among the notes if `of_arm`.
-    """
+) -> tuple[Identification, list[Samples], list[str], list[MotionLog]]:
+    """Return identified parameters, recordings filtered as they were, notes on these, and them as they were read."""
     result, card = load_identification(model)
     # numbers in degrees are refused by the robot's limits, numbers brought to rad since would pass as small ones
     mends = {key: texts for key, texts in card.get("mends", {}).items() if key != "units"}
@@ -478,11 +467,7 @@ def _read_for(
     notes += [note for log in read for note in log.named_notes]
     samples = [prepare(log, result.model, options, within_limits=False) for log in read]
     notes += [f"{part.name}: {note}" for part in samples for note in part.notes]
-    found = [(s.name, each) for s in samples for each in (*findings_against(result, s), *course_findings(result, s))]
-    notes += judge([each for each in found if of_arm or each[1].name != "arm"], accept, done="weighed")
-    for log in read:
-        check_positions(log, result.model)
-    return result, samples, notes
+    return result, samples, notes, read
 
 
 SENSED = ("fx", "fy", "fz", "tx", "ty", "tz")  # [N], [Nm] in the sensor's axes

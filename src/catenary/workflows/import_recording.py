@@ -47,6 +47,7 @@ def import_recording(
     robot: str | None = None,
     accept_proposal: bool = False,
     answers: Mapping[str, str] | None = None,
+    clock: Sequence[str] = (),
 ) -> MotionLog:
     """Read a recording, third-party ones too: bags of ROS 1 and 2, MCAP, CSV, Parquet, NumPy and MATLAB files.
 
@@ -61,6 +62,8 @@ def import_recording(
         robot: Catalogue name or file: names, units and limits of the joints.
         accept_proposal: Without a mapping, take the one that is proposed if nothing in it is open.
         answers: To questions that the proposal leaves open, such as {"q_encoder": "cam"}; accepts it, too.
+        clock: By how many seconds the clocks of other files than q_nominal's are ahead when its rows begin, and how
+            many ppm they gain, "0.73,50", or "cam.csv=0.73,50" of one; told from the motion that both saw when empty.
 
     Raises:
         FileFormatError: A file cannot be read.
@@ -72,6 +75,7 @@ def import_recording(
         log = import_recording("lab.bag", ["q_nominal=/PSM1/measured_js.position[0:3]"], robot="dvrk_psm")
     """
     how: dict[str, Any] = {"units": units, "robot": robot, "accept_proposal": accept_proposal, "answers": answers}
+    how["clock"] = clock
     opened = _opened(_paths(sources), mapping, **how)
     return opened if isinstance(opened, MotionLog) else synchronise(*opened).log
 
@@ -156,10 +160,11 @@ def _opened(
     robot: str | None = None,
     accept_proposal: bool = False,
     answers: Mapping[str, str] | None = None,
+    clock: Sequence[str] = (),
     progress: Progress = silent,
 ) -> tuple[Sources, RecordingMapping] | MotionLog:
     """Return a recording, opened, and its mapping; the log of one whose layout needs none."""
-    chosen = _as_mapping(mapping, units, robot)
+    chosen = _as_mapping(mapping, units, robot, clock)
     if chosen is not None:
         if answers:
             raise InputError("answers are to a proposal; here is a mapping, which leaves nothing open")
@@ -176,15 +181,18 @@ def _opened(
     proposal = propose(opened, robot=robot, units=units, answers=answers)
     if not accept_proposal and not answers:
         raise InputError(f"{', '.join(map(str, paths))}: give a mapping, or accept the proposed one:\n{proposal.toml}")
-    return opened, proposal.accepted()
+    accepted = proposal.accepted()
+    return opened, accepted.model_copy(update={"clock": tuple(clock)}) if clock else accepted
 
 
 def _paths(sources: PathLike | Sequence[PathLike]) -> list[Path]:
     return [Path(sources)] if isinstance(sources, str | Path) else [Path(source) for source in sources]
 
 
-def _as_mapping(mapping: MappingLike | None, units: str | None, robot: str | None) -> RecordingMapping | None:
-    given: dict[str, Any] = {"units": units, "settings": {"robot": robot}}
+def _as_mapping(
+    mapping: MappingLike | None, units: str | None, robot: str | None, clock: Sequence[str]
+) -> RecordingMapping | None:
+    given: dict[str, Any] = {"units": units, "settings": {"robot": robot, "clock": list(clock) or None}}
     if mapping is None:
         return None
     if isinstance(mapping, RecordingMapping):

@@ -74,7 +74,7 @@ def test_the_process_uses_the_velocity(rows: Rows) -> None:
 
 def test_the_forest_learns_what_the_network_leaves(rows: Rows) -> None:
     # a network that has hardly been trained knows the mean
-    model = fit_two_phase(rows, seed=0, settings=NetworkSettings((4,), "logistic", 0.0, 1e-3, 1024, 1), trees=10)
+    model = fit_two_phase(rows, seed=0, settings=NetworkSettings((4,), 0.0, 1e-3, 1024, 1), trees=10)
     coarse, both = rmse(rows, model.network.predict(rows.inputs)), rmse(rows, model.correction(rows))
     assert (both < 0.85 * coarse).all()  # metres and radians alike; the rest of the first is its velocity's
 

@@ -56,6 +56,37 @@ def test_units_signs_and_parts_of_arrays_turn_numbers_into_si(tmp_path: Path) ->
     assert_allclose(log.q_encoder, log.q_nominal, atol=1e-12)
 
 
+def test_motors_positions_speeds_and_torques_become_those_of_the_joints_by_one_coupling(tmp_path: Path) -> None:
+    matrix = np.array([[1.0, 0.0, 0.0], [0.2, 1.0, 0.0], [-0.1, 0.3, 0.9]])
+    t = np.arange(0.0, 5.0, 0.01)
+    q, qd = np.sin(np.outer(t, [1.0, 1.3, 0.7])), np.cos(np.outer(t, [1.0, 1.3, 0.7])) * [1.0, 1.3, 0.7]
+    tau = np.cos(np.outer(t, [0.5, 0.3, 1.1]))
+    of_motors = np.linalg.inv(matrix)
+    table = {"t": t} | {f"m{j}": c for j, c in enumerate((q @ of_motors.T).T)}
+    table |= {f"v{j}": c for j, c in enumerate((qd @ of_motors.T).T)} | {
+        f"e{j}": c for j, c in enumerate((tau @ matrix).T)
+    }
+    path = tmp_path / "motors.csv"
+    np.savetxt(
+        path, np.column_stack([*table.values()]), delimiter=",", header=",".join(table), comments="", fmt="%.17g"
+    )
+    columns = {"q_nominal": "m", "qd": "v", "tau": "e"}
+    mapping = {
+        key: {"columns": [f"{letter}{j}" for j in range(3)], "coupling": matrix.tolist()}
+        for key, letter in columns.items()
+    }
+    mapping |= {"joint_units": ["rad"] * 3, "time": ["t"], "time_unit": "s"}
+    log = import_recording(path, mapping)
+    assert_allclose(log.q_nominal, q, atol=1e-12)
+    assert_allclose(log.qd, qd, atol=1e-12)
+    assert_allclose(log.tau, tau, atol=1e-12)
+    assert_allclose((log.tau * log.qd).sum(axis=1), (tau * qd).sum(axis=1), atol=1e-12)  # power is the motors'
+    for wrong, says in (([[1.0, 0.0], [0.0, 1.0]], r"expected \(3, 3\)"), ([[1.0] * 3] * 3, "that has an inverse")):
+        spoilt = mapping | {"q_nominal": mapping["q_nominal"] | {"coupling": wrong}}
+        with pytest.raises((InputError, ConfigError), match=says):
+            import_recording(path, spoilt)
+
+
 def test_counts_need_a_scale(tmp_path: Path) -> None:
     bag = two_topics(tmp_path / "lab", "ros1")
     with pytest.raises(InputError, match="counts: give the scale"):

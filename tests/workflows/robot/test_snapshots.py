@@ -8,11 +8,10 @@ from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import joint_state_message
 from catenary.crtk.topic_names import JOINT_STATE
-from catenary.errors import InputError, TransportError
+from catenary.errors import TransportError
 from catenary.gravity.torque import gravity_torque
-from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
-from catenary.workflows.robot.snapshots import watch_log, watch_robot
+from catenary.workflows.robot.snapshots import watch_robot
 from oracles.crtk_robot import RobotOnLoopback, robot_over
 from oracles.encoded_plant import EncodedPlant
 from oracles.ideal_plant import IdealPlant, ideal_robot
@@ -29,13 +28,6 @@ class Ticking:
     def __call__(self) -> float:
         self.now += 0.001
         return self.now
-
-
-def log(**change: object) -> MotionLog:
-    rows = 41
-    q = np.column_stack([np.linspace(0.1, 0.5, rows), np.linspace(0.2, 0.1, rows)])
-    given = {"q_encoder": q + 0.01, "time": 0.1 * np.arange(rows), **change}
-    return MotionLog("run", ("a", "b"), ("rad", "m"), q, np.arange(rows) % 2 == 0, **given)
 
 
 def test_a_robot_is_only_read() -> None:
@@ -56,24 +48,6 @@ def test_a_sample_comes_25_times_a_second() -> None:
     begin = clock.now
     list(islice(samples, 25))
     assert clock.now - begin == pytest.approx(1.0, abs=0.05)  # a tick per sample late at most
-
-
-def test_a_recording_is_played_in_its_own_time_without_encoders_that_cannot_be_trusted() -> None:
-    slept: list[float] = []
-    clock = Ticking()
-
-    def sleep(seconds: float) -> None:
-        slept.append(seconds)
-        clock.now += seconds
-
-    samples = list(watch_log(log(), speed=2.0, clock=clock, sleep=sleep))
-    assert sum(slept) == pytest.approx(2.0, abs=0.1)
-    assert samples[-1].time == pytest.approx(4.0)
-    assert_allclose(samples[-1].q, log().q_nominal[-1])
-    assert np.isfinite(samples[0].encoder).all()
-    assert np.isnan(samples[1].encoder).all()
-    with pytest.raises(InputError, match="no time"):
-        next(watch_log(log(time=None)))
 
 
 def test_a_robot_late_with_its_first_state_is_waited_for_a_while() -> None:

@@ -1,9 +1,6 @@
 """What is known of an arm before a recording is looked at: from its file's masses, or from an identification.
 
-Masses of a file are wrong by unknown shares, c of all parts of a link alike, s each by itself: P = c^2 phi phi^T +
-s^2 D, where D has the square of .3 of a link's size in each of its ten parameters. s is .1, .3 or 1, weighted and
-summed. An arm without masses has links of about 1 kg and .1 m. An identification gives its parameters' covariance, and
-friction of another day.
+An identification gives its parameters' covariance, and friction of another day.
 """
 
 from dataclasses import dataclass, replace
@@ -12,16 +9,12 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK, link_parameters
+from catenary.identification.file_masses import MASS_SHARE, SPREADS, mass_covariance
 from catenary.identification.identification import Identification
 from catenary.identification.parameters import Parameters
 from catenary.robots.model import RobotModel
 
-# relative error of each of a file's masses, of all alike, and its probability
-_SPREADS = ((0.1, 0.1, 0.3), (0.3, 0.15, 0.5), (1.0, 0.3, 0.2))
 _FREE_SPREADS = ((0.3, 0.0, 0.4), (3.0, 0.0, 0.4), (30.0, 0.0, 0.2))  # the same about 1 kg and 0.1 m
-_FREE_MASS, _FREE_LENGTH_M = 1.0, 0.1
-_MASS_SHARE = 0.3  # of a link's mass, that a spread of one is
-_LEAST_SHARE, _LEAST_LENGTH_M = 0.04, 0.06  # of the arm's mass, and from the joint: what every link is given
 _LOAD_SHARE, _LEAST_LOAD = 0.12, 1.0  # standard deviation of a load, of the arm's mass, and at least [kg]
 _LOAD_REACH_M, _LOAD_INERTIA_M2 = 0.1, 0.02  # of its centre and inertia, per kg
 _OTHER_DAY_SHARE = 0.1  # by which friction of another day differs
@@ -79,11 +72,11 @@ def belief_of_file(model: RobotModel) -> Belief:
     links = Parameters(model, "full").links
     phi = link_parameters(model.tree).reshape(-1, PER_LINK)[list(links)]
     knows = not model.missing_inertia and float(model.tree.mass.sum()) > 0.0
-    spreads = _SPREADS if knows else _FREE_SPREADS
+    spreads = SPREADS if knows else _FREE_SPREADS
     known = phi if knows else 0.0 * phi
     return Belief(
         phi.ravel() * knows,
-        tuple(_covariance(known, knows, s, common) for s, common, _ in spreads),
+        tuple(mass_covariance(known, s, common, knows=knows) for s, common, _ in spreads),
         tuple(float(np.log(weight)) for _, _, weight in spreads),
         1,
         knows,
@@ -97,7 +90,7 @@ def belief_of_known(model: RobotModel, error: float) -> Belief:
     """Return what is known of an arm whose masses are known up to a relative error."""
     file = belief_of_file(model)
     phi = file.mean.reshape(-1, PER_LINK)
-    covariance = _covariance(phi, True, error / _MASS_SHARE, 0.0)
+    covariance = mass_covariance(phi, error / MASS_SHARE, 0.0)
     return replace(file, covariances=(covariance,), log_weights=(0.0,), middle=0, identified=True)
 
 
@@ -106,21 +99,6 @@ def _reach(model: RobotModel, link: int) -> float:
     places = [*model.tree.origin[model.tree.parent == link]]
     places += [frame.pose.position for frame in model.frames.values() if frame.link == link]
     return max(_LOAD_REACH_M, *(float(np.linalg.norm(place)) for place in places))
-
-
-def _covariance(phi: Floats, knows: bool, spread: float, common: float) -> Floats:
-    """Return the covariance (10 k, 10 k) of parameters (k, 10) by their relative errors."""
-    P = np.zeros((phi.size, phi.size))
-    total = max(float(phi[:, 0].sum()), 1e-9)
-    for i, p in enumerate(phi):
-        mass, length = _FREE_MASS, _FREE_LENGTH_M
-        if knows:
-            mass = max(float(p[0]), _LEAST_SHARE * total)
-            length = max(float(np.linalg.norm(p[1:4])) / max(float(p[0]), 1e-9), _LEAST_LENGTH_M)
-        sizes = mass * np.array([_MASS_SHARE, *[0.5 * length + 0.01] * 3, *[length**2 + 0.003] * 6])
-        own = slice(PER_LINK * i, PER_LINK * (i + 1))
-        P[own, own] = common**2 * np.outer(p, p) + np.diag((spread * sizes) ** 2)
-    return P
 
 
 def belief_of(result: Identification) -> Belief:

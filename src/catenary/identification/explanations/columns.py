@@ -15,7 +15,8 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
-from catenary.identification.explanations.supposed import Supposed
+from catenary.identification.explanations.supposed import Added, Supposed
+from catenary.identification.identification import ROTOR_SHARE
 from catenary.identification.identify_options import actuation_of
 from catenary.identification.parameters import Parameters, recorded_load
 from catenary.identification.samples import Samples
@@ -25,10 +26,9 @@ from catenary.spatial import STANDARD_GRAVITY
 _SLOW = {"rad": 0.02, "m": 0.005}  # [rad/s, m/s] speed of tanh(v / slow) in Coulomb friction: velocities have noise
 _STRIBECK_RATIO = 5.0  # of Stribeck's speed to that
 # standard deviations beforehand, of the RMS of the joint's torque
-_COULOMB_SHARE, _TERM_SHARE, _ROTOR_SHARE = 0.3, 0.5, 0.4
+_COULOMB_SHARE, _TERM_SHARE = 0.3, 0.5
 _STRIBECK_SHARE, _LOADED_SHARE, _QUADRATIC_SHARE = 0.1, 0.07, 0.1
 _SHARED_SHARE, _SHARED_ROTOR_SHARE = 0.3, 0.2
-_SHIFT_SHARE = 1.0
 _ENDS_SHARE = 0.02  # of the rows, left out at either end
 _LEAST_TORQUE = 0.002  # of the largest joint's RMS: the least size that a joint's torque is given
 _DRAWN_ROWS, _VISIBLE_RATIO = 60, 1e-9  # of random motion, which tells the combinations that torques can show
@@ -101,9 +101,14 @@ class Rows:
 
     def torques(self, supposed: Supposed) -> Floats:
         """Return recorded torques (N, n) in the joints' order, where they lie behind from later rows."""
-        late = round(supposed.late_s / self.step) if supposed.late_s else 0
-        at = np.clip(self.at + late, 0, len(self.measured) - 1)
-        return self.measured[at][:, list(supposed.torque_order)]
+        late = np.zeros(self.model.n, dtype=np.int64)
+        if any(supposed.late_s):
+            late = np.rint(np.array(supposed.late_s) / self.step).astype(np.int64)
+        at = np.clip(self.at[:, None] + late, 0, len(self.measured) - 1)
+        torque = self.measured[at, list(supposed.torque_order)]
+        for joint, after in supposed.turned:
+            torque[self.samples.time[self.at] > after, joint] *= -1.0
+        return torque
 
     def term_loads(self, supposed: Supposed) -> Floats:
         """Return the loads (N, t) of the robot file's friction, rotors and springs, as friction remembers its path."""
@@ -146,7 +151,7 @@ class Rows:
         if not self.still:
             for i in range(n):
                 if i not in geared and not self.identified:
-                    add(qdd[:, i], eye[i], _ROTOR_SHARE / _spread(qdd[:, i]))
+                    add(qdd[:, i], eye[i], ROTOR_SHARE / _spread(qdd[:, i]))
             slow = np.array([_SLOW[unit] for unit in self.model.joint_units])
             direction = np.tanh(qd / slow)
             for i in range(n):
@@ -161,10 +166,27 @@ class Rows:
                     add(load, along, _SHARED_SHARE / _spread(load), rubs=True)
                 crossed = qdd[:, [j]] * eye[i] + qdd[:, [i]] * eye[j]
                 found.append((crossed, 0.0, _SHARED_ROTOR_SHARE * size[i] / _spread(qdd[:, j]), i, 0.0))
-        for i in supposed.shifted:
-            add(np.ones(len(qd)), eye[i], _SHIFT_SHARE)
+        for one in supposed.added:
+            for column, std in zip(self.added(one, supposed).transpose(2, 0, 1), one.sizes, strict=True):
+                found.append((column, 0.0, std, one.joint, 0.0))
         columns, *prior = zip(*found, strict=True)
         return np.stack(columns, axis=2), Beside(*map(np.array, prior)), len(terms)
+
+    def added(self, one: Added, supposed: Supposed) -> Floats:
+        """Return the columns (N, n, k) of what is added to torques, per unit."""
+        _, qd, _ = self.motion(supposed)
+        if one.shape == "load":
+            place = PER_LINK * self.parameters.links.index(self.model.frame().link)
+            columns = self.links(supposed)[:, :, place : place + PER_LINK]
+        else:
+            v, slow = qd[:, one.joint], _SLOW[self.model.joint_units[one.joint]]
+            loads = {
+                "zero": [np.ones(len(v))],
+                "drift": [np.linspace(0.0, 1.0, len(v))],
+                "friction": [np.tanh(v / slow), v],
+            }[one.shape]
+            columns = np.eye(self.model.n)[one.joint][:, None] * np.column_stack(loads)[:, None]
+        return columns if one.after is None else columns * (self.samples.time[self.at] > one.after)[:, None, None]
 
 
 def _spread(values: Floats) -> float:

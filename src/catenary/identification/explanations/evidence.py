@@ -11,7 +11,7 @@ A gain g of a joint multiplies its torque by 1/g: the Gram matrix is the same, a
 N log |1/g|. So a gain is weighed against torques as they are predicted; measured ones as a column explain themselves.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK
 from catenary.identification.explanations.beliefs import Belief, belief_of_file
 from catenary.identification.explanations.columns import Beside, Rows, joined
-from catenary.identification.explanations.supposed import Supposed, nothing_supposed
+from catenary.identification.explanations.supposed import Added, Supposed, nothing_supposed
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 
@@ -56,7 +56,13 @@ class Fit:
     beta: Floats  # (p,)
     covariance: Floats  # (p, p)
     relative: Floats  # (n,) RMS of the residual over that of the torque
+    weight: Floats  # (n,) of a row: one over its variance, and the rows that count as one
     implausible: float  # squared Mahalanobis distance of the links' parameters from the file's, per parameter
+
+
+def _key(supposed: Supposed) -> tuple[object, ...]:
+    """Return what decides on the columns."""
+    return *supposed.motion, supposed.added, supposed.torque_order
 
 
 class _Gram(NamedTuple):
@@ -84,6 +90,7 @@ class Evidence:
         self.model, self.rows = model, Rows(model, samples, rows, identified=self.belief.identified)
         self.plain = nothing_supposed(model.n)
         self._grams: dict[object, _Gram] = {}
+        self._brakes: dict[object, float] = {}
         self._columns: dict[object, Floats] = {}
         self._priors: dict[object, tuple[Floats, Floats, Floats, float]] = {}
         self._links: dict[object, Floats] = {}
@@ -95,7 +102,7 @@ class Evidence:
     def believing(self, belief: Belief) -> "Evidence":
         """Return the same recording for another belief of the same arm."""
         other = copy(self)
-        other.belief, other._priors = belief, {}
+        other.belief, other._priors, other._brakes = belief, {}, {}
         return other
 
     def log(self, supposed: Supposed, which: int, extra: Sequence[Extra] = ()) -> float:
@@ -104,12 +111,12 @@ class Evidence:
 
     def fit(self, supposed: Supposed, which: int, extra: Sequence[Extra] = ()) -> Fit:
         """Return the posterior under one of the belief's spreads."""
-        value, beta, covariance, rss, scaled_size = self._solved(supposed, which, extra)
+        value, beta, covariance, rss, scaled_size, weight = self._solved(supposed, which, extra)
         mean, precision, _, _ = self._prior(which, supposed.loads)
         off = (beta - self._mean(mean, len(beta)))[: self.shown]
         distance = float(off @ precision[: self.shown, : self.shown] @ off)
         relative = np.sqrt(np.maximum(rss, 0.0) / len(self.rows)) / scaled_size
-        return Fit(value, beta, covariance, relative, distance / (PER_LINK * len(self.belief.links)))
+        return Fit(value, beta, covariance, relative, weight, distance / (PER_LINK * len(self.belief.links)))
 
     def over_spreads(self, supposed: Supposed) -> tuple[float, int]:
         """Return the log evidence over all spreads of the belief, and which is the likeliest."""
@@ -140,7 +147,7 @@ class Evidence:
 
     def _gram(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats, Floats]:
         """Return the columns' products with each other, with torques (n, p), and of torques (n,)."""
-        key = (*supposed.motion, supposed.shifted, supposed.torque_order)
+        key = _key(supposed)
         if key not in self._grams or key not in self._columns or extra:
             X, beside, own = self.columns(supposed)
             if extra:
@@ -206,14 +213,37 @@ class Evidence:
         gain = W.T @ precision
         return gain @ (fit.beta[:k] - mean), np.eye(W.shape[1]) - gain @ W + gain @ fit.covariance[:k, :k] @ gain.T
 
+    def looked(self, supposed: Supposed, which: int) -> Callable[[Added], float]:
+        """Return what tells roughly, from one fit, how much evidence something added would gain [nats]."""
+        fit, X = self.fit(supposed, which), self.columns(supposed)[0]
+        left = self.rows.torques(supposed) / supposed.gains - X @ fit.beta
+        counted = len(self.rows) / self.correlated[list(supposed.torque_order)]
+        weighted = X * fit.weight[:, None]
+
+        def gain(one: Added) -> float:
+            Z = self.rows.added(one, supposed) * one.sizes
+            crossed = np.tensordot(weighted, Z, ((0, 1), (0, 1)))
+            own = Z - X @ (fit.covariance @ crossed)  # what the fit lacks
+            whole = np.eye(Z.shape[2]) + np.tensordot(Z * fit.weight[:, None], own, ((0, 1), (0, 1)))
+            number = np.linalg.solve(whole, np.tensordot(Z, left * fit.weight, ((0, 1), (0, 1))))
+            ratio = np.mean(left**2, axis=0) / np.mean((left - own @ number) ** 2, axis=0)
+            return 0.5 * float(counted @ np.log(ratio)) - 0.5 * float(np.linalg.slogdet(whole)[1] + number @ number)
+
+        return gain
+
+    def added(self, fit: Fit, added: Added) -> Floats:
+        """Return the torques (N, n) of the last thing that a fit supposes to be added."""
+        end = len(fit.beta) - self.model.n * bool(self.rows.known.any())
+        return self.rows.added(added, self.plain) @ fit.beta[end - len(added.sizes) : end]
+
     @staticmethod
     def _mean(first: Floats, count: int) -> Floats:
         return np.concatenate([first, np.zeros(max(0, count - len(first)))])[:count]
 
     def _solved(
         self, supposed: Supposed, which: int, extra: Sequence[Extra]
-    ) -> tuple[float, Floats, Floats, Floats, Floats]:
-        """Return log evidence, posterior mean and covariance, squares left (n,), and the size of torques (n,)."""
+    ) -> tuple[float, Floats, Floats, Floats, Floats, Floats]:
+        """Return log evidence, posterior mean and covariance, squares left (n,), size of torques, weights (n,)."""
         gram, Xy, yy = self._gram(supposed, extra)
         order, x = list(supposed.torque_order), 1.0 / np.array(supposed.gains)
         mean, precision, own_variances, log_determinant = self._prior(which, supposed.loads)
@@ -239,9 +269,12 @@ class Evidence:
             w = counted / N / variance
             A, right = K + np.tensordot(w, XX, 1), KM + w @ Xy
             d = 1.0 / np.sqrt(np.diag(A))
-            L = lapack.dpotrf(A * d[:, None] * d + 1e-12 * np.eye(p), lower=1, clean=0)[0]
+            A *= d[:, None] * d
+            A.flat[:: p + 1] += 1e-12
+            L = lapack.dpotrf(A, lower=1, clean=1)[0]
             lower = lapack.dpotri(L, lower=1)[0]
-            C = (np.tril(lower) + np.tril(lower, -1).T) * d[:, None] * d
+            C = (lower + lower.T) * d[:, None] * d
+            C.flat[:: p + 1] *= 0.5
             beta = C @ right
             XXb = XX @ beta
             rss = yy - 2.0 * Xy @ beta + XXb @ beta
@@ -252,10 +285,12 @@ class Evidence:
         value = -0.5 * np.sum(counted * np.log(2.0 * np.pi * variance)) - 0.5 * w @ yy + 0.5 * right @ beta
         value -= 0.5 * (M @ KM + log_determinant) + float(np.log(np.diag(L)).sum() - np.log(d).sum())
         value += float(np.sum(counted * np.log(np.abs(x))))
-        value += self._braking(gram.beside, beta, C) - self._braking(gram.beside, M, np.diag(variances))
+        if (key := (*_key(supposed), which)) not in self._brakes:  # that no gain changes
+            self._brakes[key] = self._braking(gram.beside, M, np.diag(variances))
+        value += self._braking(gram.beside, beta, C) - self._brakes[key]
         if self.noise is None:
             value -= 0.5 * _NOISE_DEGREES * float(np.sum(np.log(variance / least**2) + least**2 / variance))
-        return float(value), beta, C, rss, size
+        return float(value), beta, C, rss, size, w
 
     def _braking(self, beside: Beside, mean: Floats, covariance: Floats) -> float:
         """Return the log probability that friction of every joint takes power, joint by joint."""
@@ -285,5 +320,6 @@ class Evidence:
             times.append(1.0 + 2.0 * float(share[1 : ends[0] if len(ends) else None].sum()))
         self.rows.carried = X[:, :, : self.shown] @ fit.beta[: self.shown]
         self._grams.clear()
+        self._brakes.clear()
         coarse = np.array(times) * (1.0 + (fit.relative / _COARSE) ** 2)
         return np.clip(coarse, 1.0, max(1.0, len(left) / _LEAST_INDEPENDENT))

@@ -5,7 +5,7 @@ on a grid, then by parabolas, and the evidence integrated about its best (Laplac
 which it is less likely beforehand.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
@@ -14,8 +14,9 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.identification.explanations.evidence import Evidence, Extra
-from catenary.identification.explanations.supposed import Supposed
+from catenary.identification.explanations.supposed import Added, Supposed
 from catenary.spatial import STANDARD_GRAVITY, angle_between
+from catenary.units import TORQUE_UNIT
 
 _Density = Callable[[float], float]
 
@@ -30,6 +31,16 @@ class Trial(NamedTuple):
     def log(self, supposed: Supposed, extra: Sequence[Extra] = ()) -> float:
         """Return the log evidence of another supposition."""
         return self.evidence.log(supposed, self.which, extra)
+
+    def cause(
+        self, supposed: Supposed, says: str, joints: tuple[int, ...] = (), remedy: str = "", price: float = 0.0
+    ) -> "PossibleCause":
+        """Return a supposition without a number as a cause, less likely beforehand by a price [nats]."""
+        return PossibleCause(supposed, self.log(supposed) - price, says, joints, remedy)
+
+    def scaled(self, factors: Floats) -> Supposed:
+        """Return that recorded torques are factors (n,) times what they are taken for so far."""
+        return replace(self.supposed, gains=tuple(np.array(self.supposed.gains) * factors))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -86,7 +97,7 @@ class Hypothesis:
 
 UNSURE = 0.1  # relative error of a number, from which on it is no advice
 _LEAST_MOTION = 1e-3  # [rad, m] deviation of positions, below which a joint stands still
-_SEARCH_STEPS, _SEARCH_SHRINK, _SEARCH_TOLERANCE = 4, 2.5, 0.02
+_SEARCH_STEPS, _SEARCH_SHRINK, _SEARCH_TOLERANCE = 8, 2.5, 0.02
 
 
 def _normal(std: float, mean: float = 0.0) -> _Density:
@@ -118,15 +129,20 @@ def _integrated(log: _Density, grid: Floats, prior: _Density) -> tuple[float, fl
             else np.copysign(h, right - left)
         )
         best, x = max((best, x), (left, x - h), (right, x + h), (f(x + step), x + step))
-        if h < _SEARCH_TOLERANCE:
+        if h < _SEARCH_TOLERANCE and -1.0 < bend < 0.0:  # as fine as what the evidence tells
             break
     precision = max(-curvature, 1e-9)
     return x, best + 0.5 * float(np.log(2.0 * np.pi / precision)), precision**-0.5
 
 
 def _scales(trial: Trial, factors: Floats) -> str:
-    """Return the option that multiplies torques by factors (n,)."""
-    return " ".join(f"--scale tau:{n}={f:.4g}" for n, f in zip(trial.names, factors, strict=True) if f != 1.0)
+    """Return the option that divides torques by factors (n,)."""
+    pairs = zip(trial.names, factors, strict=True)
+    return " ".join(f"--scale tau:{name}={1.0 / factor:.4g}" for name, factor in pairs if factor != 1.0)
+
+
+_OTHER_LINK_PRICE = 3.0  # log of it times the number of links, for a load that is not on the tip's link
+_LOG_GAINS = np.array([-2.4, -1.2, -0.6, -0.2, 0.0, 0.2, 0.6, 1.2, 2.4])
 
 
 def _load(trial: Trial) -> Iterator[PossibleCause]:
@@ -136,52 +152,39 @@ def _load(trial: Trial) -> Iterator[PossibleCause]:
             supposed = replace(trial.supposed, loads=(*trial.supposed.loads, link))
             elsewhere = 0.0 if link == model.frame().link else float(np.log(_OTHER_LINK_PRICE * len(links)))
             says = f"{model.link_names[link]} carries a body that the masses of the arm lack"
-            yield PossibleCause(supposed, trial.log(supposed) - elsewhere, says)
-
-
-_OTHER_LINK_PRICE = 3.0  # log of it times the number of links, for a load that is not on the tip's link
-_LOG_GAINS = np.array([-2.4, -1.2, -0.6, -0.2, 0.0, 0.2, 0.6, 1.2, 2.4])
+            yield trial.cause(supposed, says, price=elsewhere)
 
 
 def _gain(trial: Trial) -> Iterator[PossibleCause]:
-    for i, name in enumerate(trial.names):
-        of = trial.supposed.gains[i]
+    for name, only in zip(trial.names, np.eye(trial.n), strict=True):
 
-        def put(u: float, i: int = i, of: float = of) -> Supposed:
-            return trial.supposed.with_one("gains", i, of * float(np.exp(u)))
+        def put(u: float, only: Floats = only) -> Supposed:
+            return trial.scaled(np.exp(u * only))
 
         u, value, std = _integrated(lambda u: trial.log(put(u)), _LOG_GAINS, _either(_normal(0.15), _normal(1.2)))
         factor = float(np.exp(u))
         says = f"torques of {name} are {factor:.3g} (standard deviation {factor * std:.2g}) times the arm's"
-        yield PossibleCause(put(u), value, says, (i,), f"--scale tau:{name}={1.0 / factor:.4g}", std)
+        yield PossibleCause(put(u), value, says, (int(np.argmax(only)),), _scales(trial, np.exp(u * only)), std)
 
 
-def _sign(trial: Trial) -> Iterator[PossibleCause]:
+_FLIPS = {  # what has the other sign: told as, and mended by
+    ("gains",): ("torques of {0} have the other sign", "--sign tau:{0}"),
+    ("signs",): ("positions of {0} count the other way", "--sign q_nominal:{0}{{rates:--sign qd:{0}}}"),
+    ("signs", "gains"): (
+        "{0} counts the other way, positions and torques",
+        "--sign q_nominal:{0}{{rates:--sign qd:{0}}} --sign tau:{0}",
+    ),
+}
+
+
+def _flipped(trial: Trial, *fields: str) -> Iterator[PossibleCause]:
+    says, remedy = _FLIPS[fields]
     for i, name in enumerate(trial.names):
-        supposed = trial.supposed.with_one("gains", i, -trial.supposed.gains[i])
-        yield PossibleCause(
-            supposed, trial.log(supposed), f"torques of {name} have the other sign", (i,), f"--sign tau:{name}"
-        )
-
-
-def _position_sign(trial: Trial) -> Iterator[PossibleCause]:
-    for i, name in enumerate(trial.names):
-        if trial.moves[i]:
-            supposed = trial.supposed.with_one("signs", i, -trial.supposed.signs[i])
-            says = f"positions of {name} count the other way"
-            yield PossibleCause(
-                supposed, trial.log(supposed), says, (i,), f"--sign q_nominal:{name}{{rates:--sign qd:{name}}}"
-            )
-
-
-def _backwards(trial: Trial) -> Iterator[PossibleCause]:
-    for i, name in enumerate(trial.names):
-        if trial.moves[i]:
-            supposed = trial.supposed.with_one("signs", i, -trial.supposed.signs[i])
-            supposed = supposed.with_one("gains", i, -supposed.gains[i])
-            says = f"{name} counts the other way, positions and torques"
-            remedy = f"--sign q_nominal:{name}{{rates:--sign qd:{name}}} --sign tau:{name}"
-            yield PossibleCause(supposed, trial.log(supposed), says, (i,), remedy)
+        if trial.moves[i] or "signs" not in fields:
+            supposed = trial.supposed
+            for field in fields:
+                supposed = supposed.with_one(field, i, -getattr(supposed, field)[i])
+            yield trial.cause(supposed, says.format(name), (i,), remedy.format(name))
 
 
 _ZEROS = np.arange(-7, 9) * np.pi / 8
@@ -205,87 +208,156 @@ def _zero(trial: Trial) -> Iterator[PossibleCause]:
         )
 
 
+_FRICTION_SHARE = 0.3  # of a joint's torque: deviation beforehand of a change of friction
+_CHANGE_SHARES = np.linspace(0.15, 0.85, 15)  # of the recording, at which a change is tried
+_MEAN = ": what is printed is a mean of before and after"
+
+
+def _added(trial: Trial, one: Added, says: str) -> PossibleCause:
+    """Return something that is added to torques as a cause, told by joint, amount and time."""
+    supposed = replace(trial.supposed, added=(*trial.supposed.added, one))
+    fit, i = trial.evidence.fit(supposed, trial.which), one.joint
+    if i >= 0:
+        torque = trial.evidence.added(fit, one)[:, i]
+        if one.shape == "friction":
+            torque = torque * np.sign(trial.evidence.rows.motion(supposed)[1][:, i])
+        amount = torque[-1] if one.shape == "drift" else torque[torque != 0.0].mean()
+        unit = TORQUE_UNIT[trial.evidence.model.joint_units[i]]
+        says = says.format(name=trial.names[i], amount=f"{amount:+.2g} {unit}", after=one.after)
+    return PossibleCause(supposed, fit.log_evidence, says.format(after=one.after), (i,) if i >= 0 else ())
+
+
 def _torque_zero(trial: Trial) -> Iterator[PossibleCause]:
-    for i, name in enumerate(trial.names):
-        if i not in trial.supposed.shifted:
-            supposed = replace(trial.supposed, shifted=(*trial.supposed.shifted, i))
-            yield PossibleCause(
-                supposed, trial.log(supposed), f"the zero of the torque of {name} is not the one identified", (i,)
-            )
+    for i, size in enumerate(trial.evidence.rows.size):
+        if (one := Added("zero", i, (float(size),))) not in trial.supposed.added:
+            yield _added(trial, one, "the constant of {name} is {amount} from the one identified")
+
+
+def _friction(trial: Trial) -> Iterator[PossibleCause]:
+    speed = np.sqrt(np.mean(trial.evidence.rows.motion(trial.supposed)[1] ** 2, axis=0))
+    for i, size in enumerate(_FRICTION_SHARE * trial.evidence.rows.size):
+        one = Added("friction", i, (float(size), float(size / max(speed[i], 1e-9))))
+        if speed[i] > 0.0 and one not in trial.supposed.added:
+            yield _added(trial, one, "friction of {name} differs by {amount} in the mean from the one identified")
+
+
+def _changes(trial: Trial, shape: str, sizes: Sequence[tuple[float, ...]], says: str) -> Iterator[PossibleCause]:
+    """Yield the change along a recording that looks best by one fit without it; sizes are joints', or the load's."""
+    evidence, time = trial.evidence, trial.evidence.rows.samples.time
+    if evidence.rows.still or any(one.shape == shape for one in trial.supposed.added):
+        return
+    times = [None] if shape == "drift" else [float(time[0] + share * np.ptp(time)) for share in _CHANGE_SHARES]
+    joints = [-1] if shape == "load" else range(trial.n)
+    tried = [Added(shape, i, size, after) for i, size in zip(joints, sizes, strict=True) for after in times]
+    look = evidence.looked(trial.supposed, trial.which)
+    cause = _added(trial, max(tried, key=look), f"{says}{_MEAN}")
+    yield cause._replace(log_evidence=cause.log_evidence - float(np.log(len(tried))))
+
+
+def _leap(trial: Trial) -> Iterator[PossibleCause]:
+    sizes = [(float(size),) for size in trial.evidence.rows.size]
+    return _changes(trial, "zero", sizes, "the zero of the torque of {name} leaps by {amount} at about {after:.3g} s")
+
+
+def _drift(trial: Trial) -> Iterator[PossibleCause]:
+    sizes = [(float(size),) for size in trial.evidence.rows.size]
+    return _changes(trial, "drift", sizes, "the zero of the torque of {name} drifts by {amount} along the recording")
+
+
+def _turn(trial: Trial) -> Iterator[PossibleCause]:
+    time = trial.evidence.rows.samples.time
+
+    def best(joints: Iterable[int], shares: Floats) -> tuple[float, int, float]:
+        """Return the largest log evidence, the joint that turns, and at which share of the recording."""
+        tried = ((i, share, (i, float(time[0] + share * np.ptp(time)))) for i in joints for share in shares)
+        return max((trial.log(replace(trial.supposed, turned=(at,))), i, float(share)) for i, share, at in tried)
+
+    if not trial.evidence.rows.still and not trial.supposed.turned:
+        _, joint, share = best(range(trial.n), _CHANGE_SHARES[1::3])
+        value, _, share = best([joint], share + _CHANGE_SHARES[5:10] - 0.5)
+        after = float(time[0] + share * np.ptp(time))
+        says = f"the sign of the torque of {trial.names[joint]} turns at about {after:.3g} s{_MEAN}"
+        supposed = replace(trial.supposed, turned=((joint, after),))
+        yield PossibleCause(supposed, value - float(np.log(trial.n * len(_CHANGE_SHARES))), says, (joint,))
+
+
+def _taken_up(trial: Trial) -> Iterator[PossibleCause]:
+    belief, model = trial.evidence.belief, trial.evidence.model
+    if model.frame().link in belief.links:
+        size = tuple(np.diag(belief.load).tolist())
+        yield from _changes(trial, "load", [size], f"the load on {model.tip} changes at about {{after:.3g}} s")
 
 
 def _all_signs(trial: Trial) -> Iterator[PossibleCause]:
-    supposed = replace(trial.supposed, gains=tuple(-g for g in trial.supposed.gains))
     remedy = " ".join(f"--sign tau:{name}" for name in trial.names)
-    yield PossibleCause(supposed, trial.log(supposed), "all torques have the other sign", tuple(range(trial.n)), remedy)
+    flipped = trial.scaled(-np.ones(trial.n))
+    yield trial.cause(flipped, "all torques have the other sign", tuple(range(trial.n)), remedy)
 
 
 _UNITS = {"mNm": 1e3, "kgf m": 1.0 / STANDARD_GRAVITY, "Nm times 57.3": 57.29578, "Nm times 9.81": STANDARD_GRAVITY}
 _UNIT_PRICE = 2.0  # nats
+_COMMON_GAINS = np.linspace(-8.0, 8.0, 17)  # logarithms
 _FROM_CURRENTS = (
     "--currents with a known --load, or --scale tau:JOINT=FACTOR of every joint, from the drives' data sheets"
 )
 
 
-def _all_times(trial: Trial, factors: Floats) -> Supposed:
-    return replace(trial.supposed, gains=tuple(np.array(trial.supposed.gains) * factors))
+def _in_unit(trial: Trial, unit: str, factors: Floats) -> PossibleCause:
+    says, every = f"torques are in {unit}", tuple(range(trial.n))
+    return trial.cause(trial.scaled(factors), says, every, _scales(trial, factors), _UNIT_PRICE)
 
 
 def _common_gain(trial: Trial) -> Iterator[PossibleCause]:
-    every = tuple(range(trial.n))
-    prior = _either(_normal(0.1), _normal(3.0))
-    grid = np.linspace(-8.0, 8.0, 17)
-    u, value, std = _integrated(lambda u: trial.log(_all_times(trial, np.full(trial.n, np.exp(u)))), grid, prior)
+    one, prior = np.ones(trial.n), _either(_normal(0.1), _normal(3.0))
+    u, value, std = _integrated(lambda u: trial.log(trial.scaled(np.exp(u * one))), _COMMON_GAINS, prior)
     g = float(np.exp(u))
     says = f"all torques are {g:.3g} (standard deviation {g * std:.2g}) times the arm's"
-    factors = np.full(trial.n, g)
-    sure = std < UNSURE
-    remedy = _scales(trial, 1.0 / factors) if sure else _FROM_CURRENTS
-    yield PossibleCause(_all_times(trial, factors), value, says, every, remedy, std if sure else 0.0)
-    for unit, g in _UNITS.items():
-        factors = np.full(trial.n, g)
-        supposed = _all_times(trial, factors)
-        yield PossibleCause(
-            supposed, trial.log(supposed) - _UNIT_PRICE, f"torques are in {unit}", every, _scales(trial, 1.0 / factors)
-        )
+    remedy, error = (_scales(trial, g * one), std) if std < UNSURE else (_FROM_CURRENTS, 0.0)
+    yield PossibleCause(trial.scaled(g * one), value, says, tuple(range(trial.n)), remedy, error)
+    yield from (_in_unit(trial, unit, g * one) for unit, g in _UNITS.items())
 
 
 _CURRENT_SWEEPS, _PERCENT = 3, 100.0
 
 
 def _currents(trial: Trial) -> Iterator[PossibleCause]:
-    every, n = tuple(range(trial.n)), trial.n
-    centre = _integrated(
-        lambda u: trial.log(_all_times(trial, np.full(n, np.exp(u)))), np.linspace(-8.0, 8.0, 17), _normal(3.0)
-    )[0]
-    logs, value = np.full(n, centre), _normal(3.0)(centre)
+    one, only = np.ones(trial.n), np.eye(trial.n, dtype=bool)
+    centre = _integrated(lambda u: trial.log(trial.scaled(np.exp(u * one))), _COMMON_GAINS, _normal(3.0))[0]
+    logs, price = centre * one, -_normal(3.0)(centre)
     for sweep in range(_CURRENT_SWEEPS):
-        for i in range(n):
+        for i in range(trial.n):
 
             def put(u: float, i: int = i) -> float:
-                return trial.log(_all_times(trial, np.exp(np.where(np.arange(n) == i, u, logs))))
+                return trial.log(trial.scaled(np.exp(np.where(only[i], u, logs))))
 
-            width = 1.0 / (1.0 + 2.0 * sweep)
-            grid = logs[i] + width * np.array([-1.5, -0.5, 0.0, 0.5, 1.5])
+            grid = logs[i] + np.array([-1.5, -0.5, 0.0, 0.5, 1.5]) / (1.0 + 2.0 * sweep)
             logs[i], _, std = _integrated(put, grid, _normal(1.0, centre))
             if sweep == _CURRENT_SWEEPS - 1:
-                value += float(np.log(std * np.sqrt(2.0 * np.pi))) + _normal(1.0, centre)(logs[i])
-    supposed = _all_times(trial, np.exp(logs))
+                price -= float(np.log(std * np.sqrt(2.0 * np.pi))) + _normal(1.0, centre)(logs[i])
     told = ", ".join(f"{name} {g:.3g}" for name, g in zip(trial.names, np.exp(-logs), strict=True))
     says = f"torques are motor currents, or in a unit for each joint; factors to Nm are about {told}"
-    remedy = _FROM_CURRENTS
-    yield PossibleCause(supposed, trial.log(supposed) + value, says, every, remedy)
+    yield trial.cause(trial.scaled(np.exp(logs)), says, tuple(range(trial.n)), _FROM_CURRENTS, price)
     limits = trial.evidence.model.effort_limit
     if (limits > 0.0).all() and np.isfinite(limits).all():
-        factors = _PERCENT / limits
-        supposed = _all_times(trial, factors)
-        says = "torques are in percent of the joints' effort limits"
-        yield PossibleCause(supposed, trial.log(supposed) - _UNIT_PRICE, says, every, _scales(trial, 1.0 / factors))
+        yield _in_unit(trial, "percent of the joints' effort limits", _PERCENT / limits)
+
+
+_GRAVITY_SHARES = np.linspace(-0.2, 1.8, 6)  # of gravity, that torques hold
 
 
 def _no_gravity(trial: Trial) -> Iterator[PossibleCause]:
     supposed = replace(trial.supposed, gravity=(0.0, 0.0, 0.0))
-    yield PossibleCause(supposed, trial.log(supposed), "gravity was taken out of the torques", (), "--gravity 0,0,0")
+    yield trial.cause(supposed, "gravity was taken out of the torques", remedy="--gravity 0,0,0")
+    stated = trial.evidence.rows.samples.gravity
+    if stated.ndim == 1 and stated.any() and trial.supposed.gravity is None:
+
+        def put(share: float) -> Supposed:
+            return replace(trial.supposed, gravity=tuple(share * stated))
+
+        share, value, std = _integrated(lambda u: trial.log(put(u)), _GRAVITY_SHARES, _normal(0.4, 0.5))
+        says = f"torques hold {share:.2g} (standard deviation {std:.1g}) of gravity"
+        remedy = f"--gravity {','.join(f'{v:.4g}' for v in share * stated + 0.0)}"
+        yield PossibleCause(put(share), value, says, (), remedy, std / max(abs(1.0 - share), 1e-9))
 
 
 _WALLS = {
@@ -360,7 +432,7 @@ def _swapped(trial: Trial) -> Iterator[PossibleCause]:
             supposed = trial.supposed.with_swapped(fields, i, j)
             moved = f"--swap q_nominal:{a},{b}{{rates:--swap qd:{a},{b}}} " if positions else ""
             says = f"{a} and {b} look swapped, {words}"
-            yield PossibleCause(supposed, trial.log(supposed), says, (i, j), f"{moved}--swap tau:{a},{b}")
+            yield trial.cause(supposed, says, (i, j), f"{moved}--swap tau:{a},{b}")
 
 
 def _shared_drive(trial: Trial) -> Iterator[PossibleCause]:
@@ -370,31 +442,40 @@ def _shared_drive(trial: Trial) -> Iterator[PossibleCause]:
                 supposed = replace(trial.supposed, shared=(*trial.supposed.shared, (i, i + 1, sign)))
                 along = f"{trial.names[i]} {'+' if sign > 0.0 else '-'} {trial.names[i + 1]}"
                 says = f"a drive moves {along}, with friction and a rotor of its own"
-                yield PossibleCause(supposed, trial.log(supposed), says, (i, i + 1))
+                yield trial.cause(supposed, says, (i, i + 1))
 
 
 _DELAYS_S = np.array([-160, -80, -40, -20, -10, -5, 0, 5, 10, 20, 40, 80, 160]) / 1e3
+_DELAYS_OF_JOINT_S = np.array([-40, -20, 20, 40]) / 1e3
 _DELAY_STD_S = 0.03
 _LEAST_DELAY_S = 0.012  # of real arms' delays intervals contain zero, and are about 10 ms wide at best
 
 
 def _delay(trial: Trial) -> Iterator[PossibleCause]:
     step = trial.evidence.rows.step
-
-    def log(u: float) -> float:
-        return trial.log(replace(trial.supposed, late_s=trial.supposed.late_s + u)) + _normal(_DELAY_STD_S)(u)
-
     grid = _DELAYS_S[(np.abs(_DELAYS_S) >= step) | (_DELAYS_S == 0.0)]
-    best = grid[int(np.argmax([log(u) for u in grid]))]
-    fine = best + np.linspace(-0.5, 0.5, 9) * max(abs(best), 4.0 * step)
-    values = np.array([log(u) for u in fine])
-    u = round(float(fine[int(np.argmax(values))]) / step) * step
-    if abs(u) < _LEAST_DELAY_S:
-        return
-    late = "late" if u > 0.0 else "early"
-    says = f"torques come {abs(u) * 1e3:.0f} ms too {late} for the motion: what is printed is off"
-    value = float(np.logaddexp.reduce(values) + np.log(fine[1] - fine[0]))
-    yield PossibleCause(replace(trial.supposed, late_s=trial.supposed.late_s + u), value, says)
+
+    def put(u: float, whose: Floats) -> Supposed:
+        return replace(trial.supposed, late_s=tuple(np.array(trial.supposed.late_s) + u * whose))
+
+    def log(u: float, whose: Floats) -> float:
+        return trial.log(put(u, whose)) + _normal(_DELAY_STD_S)(u)
+
+    every = np.ones(trial.n)
+    of_joints = [(log(u, only), u, only) for only in np.eye(trial.n) for u in _DELAYS_OF_JOINT_S]
+    of_all = max((log(u, every), u) for u in grid)
+    _, u, only = max(of_joints, key=lambda each: each[0])
+    for best, whose, less in ((of_all[1], every, 0.0), (u, only, float(np.log(2.0 * trial.n)))):
+        fine = best + np.linspace(-0.5, 0.5, 9) * max(abs(best), 4.0 * step)
+        values = np.array([log(u, whose) for u in fine])
+        u = round(float(fine[int(np.argmax(values))]) / step) * step
+        if abs(u) >= _LEAST_DELAY_S:
+            joints = () if less == 0.0 else (int(np.argmax(whose)),)
+            whose_text = f"torques of {trial.names[joints[0]]}" if joints else "torques"
+            late = "late" if u > 0.0 else "early"
+            says = f"{whose_text} come {abs(u) * 1e3:.0f} ms too {late} for the motion: what is printed is off"
+            value = float(np.logaddexp.reduce(values) + np.log(fine[1] - fine[0])) - less
+            yield PossibleCause(put(u, whose), value, says, joints)
 
 
 def _of_joint(n: int) -> float:
@@ -404,11 +485,16 @@ def _of_joint(n: int) -> float:
 _ALL = (
     Hypothesis("load", "arm", lambda n: 1.0, _load, of_arm=True, by_masses=True),
     Hypothesis("gain", "torques", _of_joint, _gain, by_masses=True),
-    Hypothesis("sign", "sign", lambda n: _of_joint(n) + 0.7, _sign),
-    Hypothesis("position sign", "sign", lambda n: _of_joint(n) + 2.0, _position_sign),
-    Hypothesis("backwards", "sign", _of_joint, _backwards),
+    Hypothesis("sign", "sign", lambda n: _of_joint(n) + 0.7, lambda t: _flipped(t, "gains")),
+    Hypothesis("position sign", "sign", lambda n: _of_joint(n) + 2.0, lambda t: _flipped(t, "signs")),
+    Hypothesis("backwards", "sign", _of_joint, lambda t: _flipped(t, "signs", "gains")),
     Hypothesis("zero", "offset", _of_joint, _zero),
     Hypothesis("torque zero", "offset", _of_joint, _torque_zero, by_identification=True, mended=False),
+    Hypothesis("friction", "friction", _of_joint, _friction, by_identification=True, mended=False),
+    Hypothesis("zero leaps", "jump", lambda n: 1.0, _leap, mended=False),
+    Hypothesis("sign turns", "jump", lambda n: 1.0, _turn, mended=False),
+    Hypothesis("load changes", "jump", lambda n: 1.0, _taken_up, mended=False),
+    Hypothesis("zero drifts", "drift", lambda n: 1.0, _drift, mended=False),
     Hypothesis("all signs", "sign", lambda n: 2.5, _all_signs),
     Hypothesis("common gain", "torques", lambda n: 1.5, _common_gain, by_masses=True),
     Hypothesis("currents", "torques", lambda n: 2.5, _currents, by_masses=True),

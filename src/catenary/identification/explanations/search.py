@@ -31,7 +31,6 @@ class ExplainedRecording:
     causes: tuple[Cause, ...]
     supposed: Supposed
     fit: Fit
-    before: Fit  # nothing supposed
 
 
 def explain(evidence: Evidence, settled: Collection[str] = ()) -> ExplainedRecording:
@@ -43,7 +42,7 @@ def explain(evidence: Evidence, settled: Collection[str] = ()) -> ExplainedRecor
 def _explained(evidence: Evidence, settled: Collection[str]) -> ExplainedRecording:
     supposed, debt = evidence.plain, 0.0
     used, which = evidence.over_spreads(supposed)
-    before, causes = evidence.fit(supposed, which), list[Cause]()
+    causes = list[Cause]()
     while len(causes) < _MOST_CAUSES:
         for _ in range(_SPREAD_ROUNDS):  # again at the spread of masses that the best one leaves
             ranked = _ranked(Trial(evidence, supposed, which), debt, settled)
@@ -62,7 +61,7 @@ def _explained(evidence: Evidence, settled: Collection[str]) -> ExplainedRecordi
         supposed, used = candidate.supposed, value
         evidence_now, which = evidence.over_spreads(supposed)
         debt = evidence_now - used  # price and integral, which further causes pay as well
-    return ExplainedRecording(tuple(causes), supposed, evidence.fit(supposed, which), before)
+    return ExplainedRecording(tuple(causes), supposed, evidence.fit(supposed, which))
 
 
 def _ranked(trial: Trial, debt: float, settled: Collection[str]) -> list[tuple[float, Hypothesis, PossibleCause, int]]:

@@ -2,7 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
+
+
+class Added(NamedTuple):
+    """What torques have beside what the arm asks, linear in one number or several."""
+
+    shape: str  # zero, drift, friction or load
+    joint: int  # whose torque has it; of a load -1, as it is on the tip
+    sizes: tuple[float, ...]  # standard deviations of its numbers beforehand
+    after: float | None = None  # [s] from when on; all along when None
 
 
 @dataclass(frozen=True)
@@ -14,11 +23,12 @@ class Supposed:
     position_order: tuple[int, ...]  # column of the recording that holds each joint's position
     torque_order: tuple[int, ...]  # the same of its torque
     gains: tuple[float, ...]  # (n,) of recorded torques to true ones
+    late_s: tuple[float, ...]  # (n,) [s] that torques lie behind positions
     gravity: tuple[float, ...] | None = None  # (3,) [m/s2] in base axes; None: as stated or recorded
-    late_s: float = 0.0  # [s] that torques lie behind positions
     loads: tuple[int, ...] = ()  # links that carry a body which the prior of masses lacks
     shared: tuple[tuple[int, int, float], ...] = ()  # joints on one drive, and the sign of the second
-    shifted: tuple[int, ...] = ()  # joints whose torque has another zero than was identified
+    added: tuple[Added, ...] = ()
+    turned: tuple[tuple[int, float], ...] = ()  # joints whose torque has the other sign, and from when on [s]
 
     @property
     def motion(self) -> tuple[Any, ...]:
@@ -44,4 +54,4 @@ class Supposed:
 def nothing_supposed(n: int) -> Supposed:
     """Return that a recording of n joints is as it says."""
     order = tuple(range(n))
-    return Supposed((1.0,) * n, (0.0,) * n, order, order, (1.0,) * n)
+    return Supposed((1.0,) * n, (0.0,) * n, order, order, (1.0,) * n, (0.0,) * n)

@@ -5,7 +5,7 @@ Without names they are told by how they move: velocities are derivatives of posi
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Literal, NamedTuple
 
@@ -73,22 +73,22 @@ class Candidate:
     kind: Kind
     role: Role
     joints: tuple[str, ...]  # names, or "" where the recording has none
+    is_of_several: bool = False  # tables, so that names say of which
 
     @property
     def name(self) -> str:
         """What the columns have in common, for a reader."""
         first = self.columns[0]
         base = first[: first.rfind("[")] if first.endswith("]") and not _UNIT.search(first) else first
-        where = f"{self.stream.name}." if self.stream.type != "table" else ""
+        where = f"{self.stream.name}." if self.stream.type != "table" else f"{self.stream.name}:" * self.is_of_several
         more = f" ... {self.columns[-1]}" if base == first and len(self.columns) > 1 else ""
         return f"{where}{base}{more}"
 
     @property
     def references(self) -> list[str]:
         """The columns as a mapping names them."""
-        if self.stream.type == "table":
-            return list(self.columns)
-        return [f"{self.stream.name}.{column}" for column in self.columns]
+        where = f"{self.stream.name}." if self.stream.type != "table" else f"{self.stream.name}:" * self.is_of_several
+        return [f"{where}{column}" for column in self.columns]
 
     @property
     def is_potentiometer(self) -> bool:
@@ -129,7 +129,7 @@ class Candidate:
     def part(self, columns: Sequence[str]) -> "Candidate":
         """Return it with some of its columns."""
         joints = dict(zip(self.columns, self.joints, strict=True))
-        return Candidate(self.stream, tuple(columns), self.kind, self.role, tuple(joints[c] for c in columns))
+        return replace(self, columns=tuple(columns), joints=tuple(joints[c] for c in columns))
 
     def of_joints(self, joints: Sequence[str]) -> "Candidate":
         """Return it with the columns of these joints, in this order."""
@@ -169,7 +169,13 @@ def candidates_of(streams: Sequence[Stream], today: float, model: Jointed | None
     `today` [s since 1970] bounds their time.
     """
     each = (_of_table(one, today, model) if one.type == "table" else _of_topic(one) for one in streams)
-    return [one for several in each for one in several]
+    found = [one for several in each for one in several]
+    if sum(stream.type == "table" for stream in streams) < 2:
+        return found
+    # the name of a file says whose sensor it is of, where those of its columns do not
+    told = [one.stream.type == "table" and one.role == "unknown" for one in found]
+    roles = [_role(_words(one.stream.name)) if is_told else one.role for one, is_told in zip(found, told, strict=True)]
+    return [replace(one, role=role, is_of_several=True) for one, role in zip(found, roles, strict=True)]
 
 
 def ok_columns(stream: Stream) -> list[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,8 @@ from catenary.recording.import_formats.column_groups import Candidate, joints_me
 from catenary.recording.import_formats.column_units import Units, encoder_units, factors, joint_units_of
 from catenary.recording.import_formats.columns import Place, Stream, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
-from catenary.recording.import_formats.one_clock import OneClock, Series, TopicReport, interpolate
+from catenary.recording.import_formats.one_clock import OneClock
+from catenary.recording.import_formats.series import Series, TopicReport, interpolate
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.table_time import times_among
 from catenary.robots.catalog import load_robot
@@ -175,13 +177,12 @@ def synchronise(
         notes += tip_said(model, q, told_by, streams[columns.tip[0]], columns.tip[1])
     places = {key: each.places for key, each in found.items()}
     used = {place.stream for each in places.values() for place in each} | set(mapping.reported)
-    clock = OneClock({name: one for name, one in streams.items() if name in used}, places, mapping, sources.today)
-    del streams  # of a long recording as large as all that is made of it
+    in_si = {key: partial(_in_si, key, getattr(mapping, key), scaled[key]) for key in joints}
+    of_log = {name: one for name, one in streams.items() if name in used}
+    clock = OneClock(of_log, places, mapping, sources.today, in_si, units)
+    del streams, of_log  # of a long recording as large as all that is made of it
 
-    rows = {key: clock.rows(key) * scaled[key] for key in joints}
-    coupling = mapping.tau.coupling if mapping.tau is not None else None
-    if "tau" in rows and coupling is not None:
-        rows["tau"] = np.column_stack(joint_forces(np.array(coupling), tuple(rows["tau"].T)))
+    rows = {key: in_si[key](clock.rows(key)) for key in joints}
     further = {
         key: clock.rows(f"signal {key}") * signal.scale * found[f"signal {key}"].sign
         for key, signal in mapping.signals.items()
@@ -444,6 +445,22 @@ def _tracked(
     return interpolate(Series(poses.stamp, found[:, chosen], poses.report), clock.stamp, clock.gap("pose"))
 
 
+def _in_si(key: str, quantity: Quantity, scale: Floats, values: Floats) -> Floats:
+    """Return columns (N, n) in SI, those of motors as those of the joints where a coupling is stated."""
+    rows = values * scale
+    if quantity.coupling is None:
+        return rows
+    matrix = quantity.coupling_matrix
+    if matrix is None:
+        return np.column_stack(joint_forces(np.array(quantity.coupling), tuple(rows.T)))
+    if len(matrix) != rows.shape[1]:
+        n = rows.shape[1]
+        raise InputError(
+            f"{key}: coupling: expected ({n}, {n}), a row for each joint, got ({len(matrix)}, {len(matrix)})"
+        )
+    return np.asarray(rows @ (np.linalg.inv(matrix) if key == "tau" else matrix.T))
+
+
 def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
     """Return a mapping in a line, its patterns as the columns that they stand for."""
     parts = []
@@ -466,6 +483,7 @@ def _settled(mapping: RecordingMapping, joints: dict[str, _Found], *, in_file: b
         quantity = getattr(mapping, key)
         settled += [f"units:{key}"] * bool(quantity.units) + [f"scale:{key}"] * bool(quantity.scale)
         settled += [f"sign:{key}"] * bool(quantity.sign or (columns.sign < 0.0).any())
+        settled += [f"couple:{key}"] * (quantity.coupling is not None)
     return dict.fromkeys(settled, ())
 
 

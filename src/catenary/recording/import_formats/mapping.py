@@ -11,16 +11,19 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
+from catenary.arrays import Floats
 from catenary.config import Settings, load_toml, parse_settings
 from catenary.documents import cut
 from catenary.errors import ConfigError
 from catenary.recording.import_formats.table_time import TimeUnit
 from catenary.spatial import Pose, rotation_from_quaternion
 from catenary.units import TO_SI
+from catenary.verdict.mend import clock_of
 
 Unit = Literal["rad", "deg", "m", "cm", "mm", "counts"]
 SI = {unit: TO_SI[unit] for unit in ("rad", "deg", "m", "cm", "mm")}
 JOINT_QUANTITIES = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")
+_LEAST_DETERMINANT = 1e-9  # of a coupling in SI
 _OPTION = re.compile(r"(?P<quantity>[a-z_]+)(?::(?P<signal>[^=]+))?=(?P<columns>.+)\Z", re.DOTALL)
 
 
@@ -82,8 +85,11 @@ class Quantity(Settings):
     units: Units = ()  # one for all, or one per joint; of qd per second
     scale: Numbers = ()  # rad or m per count; of tau Nm or N per unit; of others a factor
     sign: Numbers = ()
-    # c01, c02, c12 of the cables (transmission/cable_elasticity.py): tau is then at the drums, and taken to the joints
-    coupling: Annotated[tuple[float, ...], Field(min_length=3, max_length=3)] | None = None
+    # A matrix (n, n) of joint positions by those of the motors, where columns are the motors': q = A m, qd = A qd_m,
+    # tau = A^-T tau_m; or of tau c01, c02, c12 of the cables (transmission/cable_elasticity.py), from drums to joints
+    coupling: tuple[tuple[float, ...], ...] | Annotated[tuple[float, ...], Field(min_length=3, max_length=3)] | None = (
+        None
+    )
     optional: bool = False  # left out of the log where the recording has none of it
     pose: TrackedPose | None = None  # of q_encoder, in place of columns
 
@@ -93,7 +99,19 @@ class Quantity(Settings):
             raise ValueError("expected columns, or a pose")
         if not {*self.sign} <= {-1.0, 1.0} or 0.0 in self.scale:
             raise ValueError("expected a sign of 1 or -1 for each joint, and no scale of 0")
+        matrix = self.coupling_matrix
+        if matrix is not None and abs(np.linalg.det(matrix)) < _LEAST_DETERMINANT:
+            raise ValueError(f"coupling: expected a matrix (n, n) that has an inverse, got {matrix.tolist()}")
         return self
+
+    @property
+    def coupling_matrix(self) -> Floats | None:
+        """The coupling (n, n) of joints by motors; None without one, and of that of drums."""
+        if self.coupling is None or not isinstance(self.coupling[0], tuple):
+            return None
+        if {len(row) for row in self.coupling if isinstance(row, tuple)} != {len(self.coupling)}:
+            raise ValueError(f"coupling: expected as many columns as its {len(self.coupling)} rows")
+        return np.array(self.coupling, dtype=np.float64)
 
 
 class Signal(Settings):
@@ -130,19 +148,29 @@ class RecordingMapping(Settings):
     time_zero: Literal["first row", "file"] = "first row"  # where the log's time begins; the file's own zero
     unsettled: Texts = ()  # mends that recordings of this layout may still need: "units", "time_unit"
     rate_hz: Annotated[float, Field(gt=0.0)] | None = None  # of a table without time
+    # "0.73,50": by how many seconds the clock of files beside q_nominal's is ahead at first, and how many ppm it gains;
+    # "cam.csv=0.73,50" of one
+    clock: Texts = ()
     max_gap_s: Annotated[float, Field(gt=0.0)] = 0.05  # between samples that are interpolated between
 
     @model_validator(mode="after")
     def _measured_or_given(self) -> "RecordingMapping":
         for name in JOINT_QUANTITIES:
             quantity = getattr(self, name)
-            if name != "tau" and quantity is not None and quantity.coupling is not None:
-                raise ValueError(f"{name}: a coupling is of tau alone")
+            of_drums = quantity is not None and quantity.coupling is not None and quantity.coupling_matrix is None
+            if name != "tau" and of_drums:
+                raise ValueError(f"{name}: a coupling of drums is of tau alone; expected a matrix (n, n)")
             if name != "q_encoder" and quantity is not None and quantity.pose is not None:
                 raise ValueError(f"{name}: a pose gives q_encoder alone")
         if self.q_encoder is not None and self.q_encoder.pose is not None and self.robot is None:
             raise ValueError("q_encoder from a pose needs robot, whose inverse kinematics it takes")
         return self
+
+    @property
+    def clocks(self) -> dict[str, tuple[float, float]]:
+        """Return how far the clocks of files are ahead [s] and what they gain, by the file; "" for any other."""
+        parts = [(text.rpartition("=")[0], clock_of(text.rpartition("=")[2])) for text in self.clock]
+        return dict(parts)
 
 
 def layout_mapping(layout: str, **words: Any) -> RecordingMapping:

@@ -205,7 +205,7 @@ def _positions(
         pair = None if actual else _command_and_measurement(reported)
         if pair is not None:
             both = f"{ends(pair[0].references)} or {ends(pair[1].references)}"
-            text = f"which is q_nominal: {both}, which moves with it; the other is q_encoder"
+            text = f"which is q_nominal: {both}; the other is q_encoder"
             said = {one.references[0]: f"{ends(one.references)} is q_nominal" for one in pair}
             return pair[::-1] if draft.ask("q_nominal", text, said) == pair[1].references[0] else pair
     elif not reported and not commanded and not actual and outside:
@@ -255,11 +255,15 @@ def _positions(
 
 
 def _command_and_measurement(found: Sequence[Candidate]) -> tuple[Candidate, Candidate] | None:
-    """Return two groups of columns of which one follows the other, or the two halves of an array without names."""
+    """Return two groups of which one follows the other, or is another table's; or two halves of a nameless array."""
     if len(found) == 1 and len(found[0].columns) % 2 == 0:
         columns, half = found[0].columns, len(found[0].columns) // 2
         found = [found[0].part(columns[:half]), found[0].part(columns[half:])]
-    return (found[0], found[1]) if len(found) == 2 and found[0].is_followed_by(found[1]) else None
+    if len(found) != 2:
+        return None
+    a, b = found
+    of_two = a.is_of_several and a.stream.name != b.stream.name and len(a.columns) == len(b.columns)
+    return (a, b) if of_two or a.is_followed_by(b) else None
 
 
 def _one(choices: Sequence[Candidate], what: str, draft: _Draft, count: int | None) -> Candidate:

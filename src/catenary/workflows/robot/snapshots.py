@@ -16,7 +16,7 @@ from catenary.crtk.message_values import joint_values
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.topic_names import JOINT_STATE, calibrated_namespace
 from catenary.crtk.transport import Latest
-from catenary.errors import InputError, TransportError
+from catenary.errors import TransportError
 from catenary.monitor import EventRate, Snapshot
 from catenary.plant import JointState, MotionLog, fault_of, places_of
 from catenary.raven2.transmission import CALIBRATED
@@ -108,7 +108,7 @@ def watch_robot(
             state = plant.measured_js()
             setpoint: Floats | None = plant.setpoint_js().q
             if setpoint is not None and np.isnan(setpoint).all():
-                setpoint = None  # of a recording that is played back
+                setpoint = None  # nothing was heard of it
             operating = plant.operating_state()
         except TransportError as error:
             silent = str(error)
@@ -158,43 +158,6 @@ def _truth(robot: OperatedRobot, q: Floats, calibrated: Floats | None) -> dict[s
         if calibrated is not None:
             known["calibrated_from_encoders"] = math.dist(robot.tip(calibrated), seen)
     return known
-
-
-def watch_log(
-    log: MotionLog,
-    *,
-    model: CalibrationModel | None = None,
-    every: float = EVERY,
-    speed: float = 1.0,
-    clock: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
-) -> Iterator[Snapshot]:
-    """Play a recording, once, at its own speed times `speed`."""
-    if log.time is None:
-        raise InputError(f'recording "{log.name}": has no time; it cannot be played')
-    if not 0.0 < speed < np.inf:
-        raise InputError(f"--speed: expected more than 0, got {speed}")
-    steps = np.diff(log.time)
-    spacing = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    corrected = Corrected() if model is None else corrected_rows(log, model)
-    begin, shown, played = clock(), -np.inf, 0.0
-    for row in range(len(log)):
-        if row:
-            # another recording begins at once
-            played += max(float(log.time[row] - log.time[row - 1]), 0.0) / speed
-        if played - shown < every and row < len(log) - 1:
-            continue
-        shown = played
-        ahead = begin + played - clock()
-        if ahead > 0.0:
-            sleep(ahead)
-        encoder = None if log.q_encoder is None else np.where(log.ok[row], log.q_encoder[row], np.nan)
-        latest = Corrected(*(None if values is None else values[row] for values in corrected))
-        yield Snapshot(
-            float(log.time[row]), log.joint_names, log.joint_units, log.q_nominal[row], None,
-            latest.q, latest.inside, latest.interval, encoder=encoder,
-            tau=None if log.tau is None else log.tau[row], rate_hz=1.0 / spacing,
-        )  # fmt: skip
 
 
 def corrected_rows(log: MotionLog, model: CalibrationModel) -> Corrected:

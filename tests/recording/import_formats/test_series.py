@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import InputError
-from catenary.recording.import_formats.one_clock import clean_series, interpolate, without_steps
+from catenary.recording.import_formats.series import clean_series, interpolate, without_steps
 from catenary.topics import SECOND
 
 EPOCH = 1_700_000_000_000_000_000

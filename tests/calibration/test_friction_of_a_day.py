@@ -6,9 +6,9 @@ import pytest
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.friction_fit import find_friction
-from catenary.calibration.friction_level import find_level
+from catenary.calibration.friction_states import Matrix
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.model_refresh import FRICTION_LEVEL, refresh_model
+from catenary.calibration.model_refresh import FRICTION_LEVEL, Refreshed, refresh_model
 from catenary.calibration.recordings import Recordings
 from catenary.plant import MotionLog
 from recordings import coupled_arm, fitted
@@ -29,16 +29,24 @@ def errors(model: CalibrationModel, log: MotionLog) -> np.ndarray:
     return np.sqrt(np.mean(left**2, axis=0))
 
 
+def refreshed_by(model: CalibrationModel, minutes: MotionLog) -> Refreshed:
+    return refresh_model(model, calibration_data([minutes], model.features), Recordings.of([minutes]))
+
+
+def thresholds(model: CalibrationModel) -> Matrix:
+    assert model.features.friction is not None
+    return model.features.friction.thresholds
+
+
 @pytest.mark.parametrize("level", [0.6, 1.3])
 def test_minutes_take_the_model_to_the_level_of_their_day(model, level) -> None:
     log = coupled_arm(seed=3, level=level)
     minutes = log.part(0, MINUTES)
-    day = find_level(model, Recordings.of([minutes]), 8)
-    assert day is not None
-    assert np.log([*day.factors.values()]) == pytest.approx(np.log(level), abs=0.2)  # of those tried, the nearest
-    refreshed = refresh_model(model, calibration_data([minutes], model.features), day)
+    refreshed = refreshed_by(model, minutes)
+    factors = np.divide(thresholds(refreshed.model), thresholds(model))[0]
+    assert np.log(factors) == pytest.approx(np.log(level), abs=0.05)  # 400 rows
     before, after = errors(model, log), errors(refreshed.model, log)
-    assert (after[2:] < 0.7 * before[2:]).all()
+    assert (after[2:] < 0.1 * before[2:]).all()
     assert (after < 1.05 * before).all()
     changes = {change.name: change for change in refreshed.changes}
     assert all(changes[name].change.startswith(FRICTION_LEVEL) for name in ("J5", "J6"))
@@ -53,9 +61,6 @@ def test_minutes_take_the_model_to_the_level_of_their_day(model, level) -> None:
 
 
 def test_a_day_of_the_same_friction_shows_no_other(model) -> None:
-    assert find_level(model, Recordings.of([coupled_arm(seed=4, rows=MINUTES)]), 8) is None
-
-
-def test_a_model_without_friction_states_has_no_level(model) -> None:
-    log = coupled_arm(rows=MINUTES)
-    assert find_level(fitted(log), Recordings.of([log]), 8) is None
+    refreshed = refreshed_by(model, coupled_arm(seed=4, rows=MINUTES))
+    assert thresholds(refreshed.model) == thresholds(model)
+    assert not any(FRICTION_LEVEL in change.change for change in refreshed.changes)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.calibration.arithmetic import dense, logistic, tanh
+from catenary.kernels.rows import dense, logistic, tanh
 from oracles.calibration_models import PREDICTORS, predicted, random_network, random_predictor
 
 

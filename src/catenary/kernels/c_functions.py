@@ -1,88 +1,21 @@
-"""Writes a calibration model as C99, which is C++ too: what `Corrector` does in a tick, without memory of its own.
+"""Writes compiled functions of Python as C99, which is C++ too, each as it stands: loops over elements of arrays.
 
-Each compiled function of the tick is translated as it stands, and called with one row; arrays become constants, working
-memory, or the state that the caller keeps. The C compiler must not be told -ffast-math, which takes NaN for a number.
-Results agree with Python's to rounding.
+Plain arithmetic alone is known: numbers, elements, rows and stretches of arrays, branches, and calls of functions of
+this kind. Names of functions begin with PREFIX, which whoever writes the file replaces.
 """
 
 import ast
 import inspect
 import re
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 
-_HEAD = """\
-/* What the correction remembers of earlier ticks. */
-typedef struct {{
-{fields}
-}} PREFIX_state;
-
-/* Forget earlier ticks: another motion begins. To be called once before the first tick. */
-static inline void PREFIX_reset(PREFIX_state *state) {{
-  static const PREFIX_state empty = {{
-{values}
-  }};
-  *state = empty;
-}}
-
-/* Half-widths [rad, m] of the intervals about the calibrated positions of the last tick; NAN where there are none. */
-static inline const double *PREFIX_interval(const PREFIX_state *state) {{
-  return state->interval;
-}}
-
-static inline void PREFIX_correct(PREFIX_state *state, const double *q, const double *signals,
-                                    double *q_calibrated, int *inside) {{"""
 _SIGNS: dict[type[ast.AST], str] = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Mod: "%", ast.BitAnd: "&", ast.And: "&&", ast.Or: "||",
     ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=",
 }  # fmt: skip
-
-
-def c_correction(prefix: str, model: CalibrationModel, rate_hz: float | None = None) -> str:
-    """Return C: `PREFIX_correct(state, q, signals, q_calibrated, inside)`, `PREFIX_reset` and `PREFIX_interval`."""
-    n, memory = len(model.joint_names), model.features.memory()
-    q, signals = np.empty((1, n)), np.empty((1, len(model.features.signals)))
-    out, inside = np.empty((1, n)), np.empty((1, n), dtype=bool)
-    interval = np.full((1, n), np.nan)
-    steps = model.tick_steps(memory, q, signals, out, inside, interval, rate_hz=rate_hz)
-    state = memory._asdict() | {"interval": interval}
-    names = {id(q): "q", id(signals): "signals", id(out): "q_calibrated", id(inside): "inside"}
-    names |= {id(array): f"state->{name}" for name, array in state.items()}
-    functions, declared, calls = _Functions(), list[str](), list[str]()
-    for step in steps:
-        arrays = (*step.inputs, *step.outputs)
-        for array in arrays:
-            if id(array) not in names:
-                names[id(array)] = f"a{len(declared)}"
-                is_constant = not any(array is output for output in step.outputs)
-                declared.append(_declared(names[id(array)], array, is_constant=is_constant))
-        given = [_Value(names[id(array)], _kind(array), tuple(map(str, array.shape))) for array in arrays]
-        calls.append(f"  {functions.call(step.function, given).text};")
-    fields = [f"  double {name}[{max(1, array.size)}];" for name, array in state.items()]
-    head = _HEAD.format(fields="\n".join(fields), values=",\n".join(f"    {_items(a)}" for a in state.values()))
-    return "\n".join([*functions.texts, head, *declared, *calls, "}", ""]).replace("PREFIX", prefix)
-
-
-def _kind(array: NDArray[Any]) -> str:
-    return "double" if array.dtype.kind == "f" else "int"
-
-
-def _items(array: NDArray[Any]) -> str:
-    """Return the initialiser of an array."""
-    items = ["NAN" if value != value else repr(value) for value in (array + 0).ravel().tolist()] or ["0"]
-    return "{" + ",\n    ".join(", ".join(items[k : k + 8]) for k in range(0, len(items), 8)) + "}"
-
-
-def _declared(name: str, array: NDArray[Any], *, is_constant: bool) -> str:
-    """Return the declaration of a constant, or of working memory."""
-    declaration = f"{_kind(array)} {name}[{max(1, array.size)}]"
-    return f"  static const {declaration} = {_items(array)};" if is_constant else f"  {declaration};"
 
 
 def _bare(text: str) -> str:
@@ -95,7 +28,7 @@ def _bare(text: str) -> str:
     return text
 
 
-class _Value(NamedTuple):
+class Value(NamedTuple):
     """A number or an array in C."""
 
     text: str
@@ -104,16 +37,14 @@ class _Value(NamedTuple):
     owner: str = ""  # the parameter that it is a part of
 
 
-class _Functions:
+class Functions:
     """Functions of Python as C, each once, behind those that it calls."""
 
     def __init__(self) -> None:
         self.texts: list[str] = []
         self._known: dict[str, _Function] = {}
 
-    def call(
-        self, function: Callable[..., object], given: Sequence[_Value], within: "_Function | None" = None
-    ) -> _Value:
+    def call(self, function: Callable[..., object], given: Sequence[Value], within: "_Function | None" = None) -> Value:
         """Return the call of a function, which is written where it is not known yet."""
         plain = inspect.unwrap(function)
         name = f"PREFIX_{plain.__name__.strip('_')}"
@@ -124,24 +55,24 @@ class _Functions:
             passed += [value.text, *(value.sizes[axis] for axis in axes)]
             if within is not None and parameter in self._known[name].written:
                 within.written.add(value.owner)
-        return _Value(f"{name}({', '.join(passed)})", self._known[name].kind)
+        return Value(f"{name}({', '.join(passed)})", self._known[name].kind)
 
 
 class _Function:
     """A function as C: plain arithmetic on numbers and on elements, rows and stretches of arrays."""
 
     def __init__(
-        self, name: str, function: Callable[..., object], given: Sequence[_Value], functions: _Functions
+        self, name: str, function: Callable[..., object], given: Sequence[Value], functions: Functions
     ) -> None:
         self._globals, self._functions = function.__globals__, functions
         self._refusal = f"model: its step {function.__name__} cannot be written as C"
         (tree,) = ast.parse(inspect.getsource(function)).body
         assert isinstance(tree, ast.FunctionDef)  # for the type checker
         self.kind, self.written = "void", set[str]()  # what it returns, and the arrays that it writes
-        self._scope: dict[str, _Value] = {}
+        self._scope: dict[str, Value] = {}
         for argument, value in zip((each.arg for each in tree.args.args), given, strict=True):
             sizes = tuple(f"{argument}_{axis}" for axis in range(len(value.sizes)))
-            self._scope[argument] = _Value(argument, value.kind, sizes, argument)
+            self._scope[argument] = Value(argument, value.kind, sizes, argument)
         parameters = dict(self._scope)
         body = "\n".join(self._block(tree.body))
         self.taken = {  # parameters, and the axes whose sizes follow them
@@ -202,51 +133,51 @@ class _Function:
         k = self._place(ast.Name("copied"), "int").text
         return [f"for ({k} = 0; {k} < {place.sizes[0]}; ++{k}) {place.text}[{k}] = {value.text}[{k}];"]
 
-    def _place(self, target: ast.expr, kind: str = "double") -> _Value:
+    def _place(self, target: ast.expr, kind: str = "double") -> Value:
         """Return what is written to: a variable, which is new at first, an element or a row."""
         if isinstance(target, ast.Name):
             name = "turn" if target.id == "_" else target.id
-            return self._scope.setdefault(target.id, _Value(name, kind))
+            return self._scope.setdefault(target.id, Value(name, kind))
         place = self._value(target)
         self.written.add(place.owner)
         return place
 
-    def _value(self, node: ast.expr) -> _Value:
+    def _value(self, node: ast.expr) -> Value:
         match node:
             case ast.Constant(value=int() as number):
-                return _Value(str(int(number)), "int")
+                return Value(str(int(number)), "int")
             case ast.Constant(value=float() as number):
-                return _Value(repr(number), "double")
+                return Value(repr(number), "double")
             case ast.Name(id=name) if name in self._scope:
                 return self._scope[name]
             case ast.Name(id=name) if isinstance(self._globals.get(name), int | float):
                 return self._value(ast.Constant(self._globals[name]))
             case ast.Attribute(attr="nan"):
-                return _Value("NAN", "double")
+                return Value("NAN", "double")
             case ast.Subscript(value=ast.Attribute(value=array, attr="shape"), slice=ast.Constant(value=int() as axis)):
-                return _Value(self._value(array).sizes[axis], "int")
+                return Value(self._value(array).sizes[axis], "int")
             case ast.Subscript(value=array, slice=ast.Tuple(elts=places)):
                 return self._part(self._value(array), places)
             case ast.Subscript(value=array, slice=place):
                 return self._part(self._value(array), [place])
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                return _Value(f"!({self._value(operand).text})", "int")
+                return Value(f"!({self._value(operand).text})", "int")
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return self._value(operand)._replace(text=f"(-{self._value(operand).text})")
             case ast.BinOp(left=left, op=operator, right=right):
                 is_ratio, sign = isinstance(operator, ast.Div), _SIGNS[type(operator)]
                 kind = "double" if is_ratio else self._kind_of([left, right])
                 cast = "(double)" if is_ratio and self._kind_of([left]) == "int" else ""
-                return _Value(f"({cast}{self._value(left).text} {sign} {self._value(right).text})", kind)
+                return Value(f"({cast}{self._value(left).text} {sign} {self._value(right).text})", kind)
             case ast.BoolOp(op=operator, values=values):
-                return _Value(f"({f' {_SIGNS[type(operator)]} '.join(self._value(e).text for e in values)})", "int")
+                return Value(f"({f' {_SIGNS[type(operator)]} '.join(self._value(e).text for e in values)})", "int")
             case ast.Compare(left=left, ops=operators, comparators=others):
                 texts = [self._value(each).text for each in (left, *others)]
                 pairs = zip(texts, map(type, operators), texts[1:], strict=False)
-                return _Value(f"({' && '.join(f'{a} {_SIGNS[sign]} {b}' for a, sign, b in pairs)})", "int")
+                return Value(f"({' && '.join(f'{a} {_SIGNS[sign]} {b}' for a, sign, b in pairs)})", "int")
             case ast.IfExp(test=test, body=body, orelse=orelse):
                 texts = [self._value(each).text for each in (test, body, orelse)]
-                return _Value("({} ? {} : {})".format(*texts), self._kind_of([body, orelse]))
+                return Value("({} ? {} : {})".format(*texts), self._kind_of([body, orelse]))
             case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=arguments):
                 return self._called(name, [self._value(each) for each in arguments])
         raise InputError(self._refusal)
@@ -254,7 +185,7 @@ class _Function:
     def _kind_of(self, nodes: Sequence[ast.expr]) -> str:
         return "double" if any(self._value(each).kind == "double" for each in nodes) else "int"
 
-    def _part(self, array: _Value, places: Sequence[ast.expr]) -> _Value:
+    def _part(self, array: Value, places: Sequence[ast.expr]) -> Value:
         """Return an element, a row, or a stretch of a row."""
         offset, sizes = "0", array.sizes[len(places) :]
         for axis, place in enumerate(places):
@@ -264,29 +195,29 @@ class _Function:
             own = self._value(place).text
             offset = f"({offset} * {array.sizes[axis]} + {own})" if axis else own
         if not sizes:
-            return _Value(f"{array.text}[{_bare(offset)}]", array.kind, (), array.owner)
+            return Value(f"{array.text}[{_bare(offset)}]", array.kind, (), array.owner)
         for size in array.sizes[len(places) :]:
             offset = f"{offset} * {size}"
-        return _Value(f"({array.text} + {offset})", array.kind, sizes, array.owner)
+        return Value(f"({array.text} + {offset})", array.kind, sizes, array.owner)
 
-    def _called(self, name: str, values: Sequence[_Value]) -> _Value:
+    def _called(self, name: str, values: Sequence[Value]) -> Value:
         a, b = (values[0].text, values[-1].text) if values else ("", "")
         kind = "double" if any(value.kind == "double" for value in values) else "int"
         match name:
             case "len":
-                return _Value(values[0].sizes[0], "int")
+                return Value(values[0].sizes[0], "int")
             case "abs":
-                return _Value(f"fabs({a})", "double")
+                return Value(f"fabs({a})", "double")
             case "sqrt":
-                return _Value(f"sqrt({a})", "double")
+                return Value(f"sqrt({a})", "double")
             case "int":
-                return _Value(f"(int)({a})", "int")
+                return Value(f"(int)({a})", "int")
             case "isnan":
-                return _Value(f"({a} != {a})", "int")
+                return Value(f"({a} != {a})", "int")
             case "isfinite":
-                return _Value(f"({a} - {a} == 0.0)", "int")
+                return Value(f"({a} - {a} == 0.0)", "int")
             case "min" | "max":
-                return _Value(f"({b} {'<' if name == 'min' else '>'} {a} ? {b} : {a})", kind)
+                return Value(f"({b} {'<' if name == 'min' else '>'} {a} ? {b} : {a})", kind)
         if not callable(self._globals.get(name)):
             raise InputError(self._refusal)
         return self._functions.call(self._globals[name], values, self)

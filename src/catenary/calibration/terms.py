@@ -1,4 +1,4 @@
-"""A linear function of smooth functions of features: powers, waves, saturation and products, as arithmetic of a tick.
+"""Smooth functions of features: powers, waves, saturation and products, as arithmetic of a tick.
 
 A feature counts as z = (x - middle) / scale. Of a position z: z^2 and z^3, and waves cos(k pi / 2 (z + 1)) over its
 range of training, for what drums and pulleys do; of an angle q also sin k q and cos k q. Of a torque or current t:
@@ -8,17 +8,17 @@ tanh t and |t|, as loads saturate and change sides. Of pairs of features their p
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Self
 
 import numpy as np
 
 from catenary.arrays import Floats, Integers
-from catenary.calibration import arithmetic
-from catenary.calibration.arithmetic import Step, exp_minus_1, within
-from catenary.calibration.predictors import Predictor
+from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.cards import StoredFloats, StoredIntegers
 from catenary.errors import InputError
+from catenary.kernels.bind import Step, run
 from catenary.kernels.compiled import compiled, inlined
+from catenary.kernels.rows import exp_minus_1, within
 
 TURNS = 3  # multiples of an angle
 _FIRST_WAVE, LAST_WAVE = 4, 12  # half periods over the range: longer waves are as good as powers
@@ -49,7 +49,14 @@ class Terms:
             is_index = flat.dtype.kind in "iu" and (flat.size == 0 or (flat.min() >= 0 and flat.max() < width))
             if not is_index or flat.shape[1:] != ((2,) if name == "pairs" else ()):
                 raise InputError(f"terms: {name}: expected indices of {width} features, got {flat.tolist()}")
-            object.__setattr__(self, name, np.ascontiguousarray(flat, dtype=np.int64))
+            object.__setattr__(self, name, np.array(flat, dtype=np.int64, order="C"))
+
+    @classmethod
+    def plain(cls, middle: Floats, scale: Floats, pairs: Integers | None = None) -> Self:
+        """Return those of a linear function or, with pairs (P, 2), of a polynomial: unlimited, without functions."""
+        none = np.zeros(0, dtype=np.int64)
+        pairs = np.zeros((0, 2), dtype=np.int64) if pairs is None else pairs
+        return cls(middle, scale, np.full(len(middle), ANY_SIZE), none, none, none, pairs)
 
     def __len__(self) -> int:
         of_positions = (POWERS + WAVES) * len(self.positions) + 2 * TURNS * len(self.angles)
@@ -63,53 +70,8 @@ class Terms:
     def of(self, X: Floats) -> Floats:
         """Return the terms (N, C) of features X (N, F)."""
         Z = np.empty((len(X), len(self)))
-        arithmetic.run([self.step(np.ascontiguousarray(X), Z)])
+        run([self.step(np.ascontiguousarray(X), Z)])
         return Z
-
-
-@dataclass(frozen=True)
-class Expansion(Predictor):
-    """y = bias + terms(x) @ weights."""
-
-    terms: Terms
-    weights: StoredFloats  # (C, m)
-    bias: StoredFloats  # (m,)
-    penalties: StoredFloats  # (m, groups) that the weights were fitted with (learned.py)
-    widening: StoredFloats  # (m,) times as large as on blocks of training is an error where joints meet otherwise
-    sketch: StoredFloats  # (C, K) combinations of terms whose squares, with their constants, are the leverage of a row
-    sketch_bias: StoredFloats  # (K,)
-    usual: float  # leverage beyond which errors grow (extrapolation.py)
-    factor: StoredFloats  # (m,) by which they do
-    kind: Literal["expansion"] = "expansion"
-    by_output: ClassVar[tuple[str, ...]] = ("weights", "bias", "widening", "factor")
-
-    def __post_init__(self) -> None:
-        self._keep({"bias": (None,), "weights": (len(self.terms), len(self.bias))})
-        self._keep({"penalties": (len(self.bias), None), "widening": (len(self.bias),), "factor": (len(self.bias),)})
-        self._keep({"sketch_bias": (None,), "sketch": (len(self.terms), len(self.sketch_bias))})
-
-    @property
-    def shape(self) -> tuple[int | None, int]:  # noqa: D102
-        return len(self.terms.middle), len(self.bias)
-
-    @property
-    def width(self) -> int:  # noqa: D102
-        return len(self.terms)
-
-    def growth(self, X: Floats) -> Floats:
-        """Return how many times as wide as where training rows lay intervals are at features X (N, F), (N, m)."""
-        Y, beyond = np.empty((len(X), len(self.bias))), np.empty((len(X), 1))
-        arithmetic.run(self.steps(np.ascontiguousarray(X), Y, beyond))
-        return np.sqrt(1.0 + beyond * np.square(self.factor))
-
-    def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:
-        """Return the compiled steps that write outputs Y (N, m), and leverage beyond what is usual (N, 1)."""
-        Z, P = np.empty((len(X), len(self.terms))), np.empty((len(X), len(self.sketch_bias)))
-        steps = [self.terms.step(X, Z), Step(arithmetic.dense, (Z, self.weights, self.bias), (Y,))]
-        if beyond is not None:
-            steps.append(Step(arithmetic.dense, (Z, self.sketch, self.sketch_bias), (P,)))
-            steps.append(Step(excess, (P, np.array([self.usual])), (beyond,)))
-        return steps
 
 
 @inlined
@@ -129,16 +91,6 @@ def reduced(a: float) -> float:
     turns = within(a / _TWO_PI, 1e6)
     nearest = int(turns + 0.5) if turns > 0.0 else int(turns - 0.5)
     return within(a - nearest * _TWO_PI, 2.0 * _HALF_PI)
-
-
-@compiled
-def excess(P: Floats, usual: Floats, beyond: Floats) -> None:
-    """Write by how much the sum of squares of rows P (N, K) is beyond `usual` (1,), (N, 1); 0 where it is not."""
-    for row in range(len(P)):
-        total = -usual[0]
-        for k in range(P.shape[1]):
-            total += P[row, k] * P[row, k]
-        beyond[row, 0] = total if total > 0.0 else 0.0
 
 
 @compiled

@@ -1,52 +1,14 @@
-"""The arithmetic of calibration models: small compiled functions of rows of numbers.
+"""Arithmetic of rows of numbers: small compiled functions, such as models in a loop take one after the other.
 
 A tick of the control loop is a batch of one row. Both run these functions, so a deployed model gives the bits that it
 was evaluated with: every output is summed in the order of its inputs, however many rows or columns lie beside it.
 Only +, -, *, / and comparisons occur, each rounded as IEEE 754 says, so the bits do not depend on the machine either.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Flags, Floats, Integers
-from catenary.kernels.bind import bind
 from catenary.kernels.compiled import compiled, inlined
-
-_BLOCK_NUMBERS = 100_000  # of an array between two steps: more would not stay in the cache
-
-
-class Step(NamedTuple):
-    """A compiled function and the arrays that it runs on: `function(*inputs, *outputs)`."""
-
-    function: Callable[..., None]
-    inputs: tuple[NDArray[Any], ...]  # read only
-    outputs: tuple[NDArray[Any], ...]  # written, or read and written
-
-
-def run(steps: Sequence[Step]) -> None:
-    """Run steps one after the other."""
-    for step in steps:
-        step.function(*step.inputs, *step.outputs)
-
-
-def bound(steps: Sequence[Step]) -> Callable[[], None]:
-    """Return a call without arguments that runs steps on their arrays, which are checked once, now."""
-    calls = [bind(*step) for step in steps]
-
-    def tick() -> None:
-        for call in calls:
-            call()
-
-    return tick
-
-
-def blocks(rows: int, width: int) -> list[slice]:
-    """Return consecutive slices of rows, short enough that arrays of `width` columns stay in the processor's cache."""
-    at_once = max(1, _BLOCK_NUMBERS // max(1, width))
-    return [slice(first, min(first + at_once, rows)) for first in range(0, rows, at_once)]
 
 
 @compiled
@@ -92,20 +54,6 @@ def dense(X: Floats, weights: Floats, bias: Floats, Y: Floats) -> None:
             for row in range(first, last):
                 for k in range(len(bias)):
                     Y[row, k] += X[row, i] * weights[i, k]
-
-
-@compiled
-def monomials(Z: Floats, P: Floats) -> None:
-    """Write z_i, then z_i z_j with i <= j, row by row: (0, 0), (0, 1), ..., (1, 1), ..."""
-    inputs = Z.shape[1]
-    for row in range(len(Z)):
-        for i in range(inputs):
-            P[row, i] = Z[row, i]
-        at = inputs
-        for i in range(inputs):
-            for j in range(i, inputs):
-                P[row, at] = Z[row, i] * Z[row, j]
-                at += 1
 
 
 @inlined
@@ -180,40 +128,3 @@ def between(X: Floats, lower: Floats, upper: Floats, inside: Flags) -> None:
     for row in range(len(X)):
         for k in range(len(lower)):
             inside[row] &= (X[row, k] >= lower[k]) & (X[row, k] <= upper[k])
-
-
-@compiled
-def errors_of_positions(q: Floats, joints: Integers, prediction: Floats) -> None:
-    """Turn predicted positions (N, m) of some joints into errors: subtract the reported ones, q (N, n)."""
-    for row in range(len(q)):
-        for k in range(len(joints)):
-            prediction[row, k] -= q[row, joints[k]]
-
-
-@compiled
-def choose(
-    prediction: Floats,  # (N, m) errors of `joints`; one that is not finite is not to be trusted
-    known: Flags,  # (N,) whether the features are inside the valid range
-    q: Floats,  # (N, n) reported positions; where one is not finite, nothing is known of that joint
-    joints: Integers,  # (m,) which of the n joints
-    far: Floats,  # (N, 1) see `intervals.distance`
-    fade: Floats,  # (2,) from where to where on the way out a prediction becomes the fixed offset
-    offset: Floats,  # (n,) fixed offsets
-    reach: Floats,  # (n,) largest errors that are believed
-    lower: Floats,  # (n,) calibrated positions that are believed
-    upper: Floats,  # (n,)
-    correction: Floats,  # (N, n) receives them
-    inside: Flags,  # (N, n) receives whether each is a prediction
-) -> None:
-    """Write the predicted errors of some joints, or their fixed offset where the prediction is not to be trusted."""
-    for row in range(len(q)):
-        for k in range(len(joints)):
-            joint = joints[k]
-            error, position = prediction[row, k], q[row, joint] + prediction[row, k]
-            trusted = known[row] and np.isfinite(q[row, joint]) and abs(error) <= reach[joint]
-            trusted = trusted and lower[joint] <= position <= upper[joint]
-            correction[row, joint] = prediction[row, k] if trusted else offset[joint]
-            if trusted and far[row, 0] > fade[0]:
-                share = (far[row, 0] - fade[0]) / (fade[1] - fade[0])
-                correction[row, joint] += (share if share < 1.0 else 1.0) * (offset[joint] - prediction[row, k])
-            inside[row, joint] = trusted
