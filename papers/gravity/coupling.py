@@ -30,7 +30,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary import BaseMotion, gravity_torque, inverse_dynamics, load_robot, mass_matrix
 from catenary.arrays import Floats
-from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Mailbox
@@ -173,7 +172,7 @@ def estimator_response(hz: float, rate_hz: float = 200.0) -> tuple[complex, comp
     sensor = SensorModel(rate_hz, 0.0, 0.0, 0.0, 0.0, LATENCY, True, Mounting())
     mailbox = Mailbox()
     feed = SimulatedSensor(base, mailbox, sensor).advance
-    source = SensedGravity(mailbox, Mounting(checked=True), rules=SensorRules(stuck_samples=0), feed=feed)
+    source = SensedGravity(mailbox, Mounting(checked=True), stuck_samples=0, feed=feed)
     first = max(0.6, 1.0 / hz)
     times = np.arange(0.0, first + max(0.5, round(1.0 / hz + 0.5)), 0.001)
     readings = [source.read(float(time)) for time in times]

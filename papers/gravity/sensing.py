@@ -21,7 +21,6 @@ from scipy.spatial.transform import Rotation
 
 from catenary import BaseMotion, RobotModel, inverse_dynamics, load_robot
 from catenary.arrays import Floats
-from catenary.sensing.checks import SensorRules
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Mailbox
@@ -129,8 +128,9 @@ def _sensed(
 ) -> tuple[Floats, Floats]:
     mailbox = Mailbox()
     feed: Callable[[float], None] = SimulatedSensor(base, mailbox, sensor, seed=seed).advance
-    rules = SensorRules(stuck_samples=0)  # an ideal gyroscope reads the same about axes that do not turn
-    source = SensedGravity(mailbox, mounting, angular=angular, rules=rules, feed=feed)
+    source = SensedGravity(
+        mailbox, mounting, angular=angular, stuck_samples=0, feed=feed
+    )  # an ideal one repeats itself
     for tick in range(round(SETTLE / TICK)):
         source.read(tick * TICK)
     readings = [source.read(tick * TICK) for tick in range(round(SETTLE / TICK), round(DURATION / TICK))][::EVERY]

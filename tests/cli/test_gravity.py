@@ -160,7 +160,7 @@ HELD = ("hold", "two_link", "--q-deg", "30,40", "--seconds", "0.3", "--json")
 
 def test_an_arm_on_a_deck_that_heaves_is_held_by_a_simulated_sensor() -> None:
     deck = ("--rock", "x,8,0.1", "--rock", "y,4,0.14,40", "--heave", "2,0.12", "--surge", "1,0.1,90", "--sway", "1,0.2")
-    sensor = ("--mounting-on", "ship", "--sensor-bias", "0.02,0.02,-0.01", "--rule", "confirm=3")
+    sensor = ("--mounting-on", "ship", "--sensor-bias", "0.02,0.02,-0.01", "--sensor-noise", "0.03")
     content = catenary(*HELD, *deck, *sensor).json
     assert set(content["gravity_ticks"]) == {"live"}
     assert content["faults"] == {}

@@ -106,8 +106,6 @@ REFUSALS = {
     f"{HELD} --rock x,8": "an amplitude, a frequency",
     f"{HELD} --heave 2,-1": "frequency of 0 Hz or more",
     f"{HELD} --heave nan,1": "finite",
-    f"{HELD} --rule max_pull=3": "no rule max_pull",
-    f"{HELD} --rule max_push": "expected NAME=VALUE",
     f"{HELD} --kp 1,2,3": "kp",
     f"{HELD} --sensor-bias 1,2": "--sensor-bias",
     "track two_link --controller inertia --kp 5": "gains of accelerations",

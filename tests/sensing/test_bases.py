@@ -1,15 +1,13 @@
 import math
 import os
 from itertools import cycle
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
-from catenary.sensing.bases import BASES, BaseSpectrum
-from catenary.sensing.checks import SensorRules, rules_for
+from catenary.sensing.bases import BaseSpectrum, base_spectrum
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Kind, Mailbox
@@ -32,39 +30,10 @@ def sensed(base, seconds, mounted_on, *faults, rate_hz=100.0, reads_hz=100.0, **
     return times, readings, samples.gravity - samples.motion[:, 2]
 
 
-def test_a_table_has_the_default_rules():
-    assert rules_for("table") == SensorRules()
-
-
-@pytest.mark.parametrize(("number", "base"), list(enumerate(BASES)))
-def test_every_rule_is_documented_with_its_value(number, base):
-    lines = Path("docs/gravity-sensor-rules.md").read_text().splitlines()
-    rows = {line.split("`")[1]: [c.strip() for c in line.split("|")] for line in lines if line.startswith("| `")}
-    for name, value in vars(rules_for(base)).items():
-        # as printed there
-        assert float(rows[name][4 + number]) == pytest.approx(value, abs=0.005), name
-
-
-@pytest.mark.parametrize("base", BASES)
-def test_rules_of_every_base_and_of_a_noisier_sensor_can_be_had(base):
-    cheap, noisy = rules_for(base), rules_for(base, noise=0.2)
-    assert noisy.max_step > cheap.max_step
-    assert noisy.rest_spread > cheap.rest_spread
-    assert rules_for(base, changes={"max_push": 3.0}).max_push == 3.0
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"base": "boat"}, 'mounted on "boat": expected one of table, cart, vehicle, ship'),
-        ({"base": "ship", "changes": {"max_pull": 1.0}}, "no rule max_pull; there are max_step"),
-        ({"base": "ship", "noise": -1.0}, "sensor noise"),
-        ({"base": "ship", "changes": {"max_step": 0.0}}, "max_step"),
-    ],
-)
-def test_bases_and_rules_that_there_are_not_are_refused(wrong, said):
-    with pytest.raises(InputError, match=said):
-        rules_for(**wrong)
+@pytest.mark.parametrize("base", ["boat", None, 3])
+def test_bases_that_there_are_not_are_refused(base):
+    with pytest.raises(InputError, match="expected one of table, cart, vehicle, ship"):
+        base_spectrum(base)
 
 
 @pytest.mark.parametrize(
@@ -86,19 +55,18 @@ def test_what_a_sea_does_to_a_deck_is_passed_on(heave, frequency):
     assert np.sqrt(np.mean(np.sum(off[begun] ** 2, axis=1))) < 0.05
 
 
-def test_surge_and_sway_are_passed_on_and_rules_of_a_table_fall_back():
+@pytest.mark.parametrize("mounted_on", ["ship", "table"])
+def test_surge_and_sway_are_passed_on_whatever_is_said_of_the_base(mounted_on):
     deck = SwayingBase(ROLL_AND_PITCH, (Wave(2.0, 0.12, UP), Wave(2.0, 0.1, X), Wave(1.5, 0.08, Y, 1.0)))
-    for mounted_on, always_live in (("ship", True), ("table", False)):
-        _, readings, _ = sensed(deck, 5.0, mounted_on)
-        assert all(r.status.value == "live" for r in readings[100:]) is always_live
+    _, readings, true = sensed(deck, 5.0, mounted_on)
+    assert all(r.status.value == "live" for r in readings[100:])
+    assert np.linalg.norm(np.array([r.gravity for r in readings]) - true, axis=1)[100:].max() < 0.3
 
 
-def test_a_wrong_scale_from_the_start_is_found_in_the_mean_of_a_sea():
-    deck = SwayingBase((), (Wave(2.0, 0.12, UP),))
+def test_a_wrong_scale_is_named_and_after_a_minute_no_base_explains_it():
     fault = InjectedFault("wrong_scale", 0.0)
-    rules = rules_for("ship", changes={"mean_time": 20.0, "rest_lower": 8.6})
-    _, readings, _ = sensed(deck, 25.0, "ship", fault, rate_hz=25.0, reads_hz=25.0, rules=rules, cutoff_hz=4.0)
-    assert any("magnitude" in r.faults.names for r in readings[-50:])
+    _, readings, _ = sensed(SwayingBase((), (Wave(2.0, 0.12, UP),)), 70.0, "ship", fault, rate_hz=25.0, reads_hz=25.0)
+    assert {(r.status.value, r.faults.names) for r in readings[-50:]} == {("degraded", ("magnitude",))}
 
 
 class Turntable:
@@ -154,7 +122,10 @@ def test_no_fault_is_named_in_minutes_of_a_base_that_moves(name, place, rng):
         if now > 1.0:
             said.add((reading.status.value, reading.faults.names))
     # off the axis its rates wait for a turn that shows them right
-    assert said - ({("stale", ())} if place.any() else set()) == {("live", ())}
+    allowed = (
+        {("degraded", (why,)) for why in ("unchecked_turn", "recovering", "not_followed")} if place.any() else set()
+    )
+    assert said - allowed == {("live", ())}
     assert off[50:].max() < 0.5
 
 
@@ -175,6 +146,11 @@ def test_every_fault_is_found_on_a_deck_that_heaves(kind, mounted_on):
     found = [t for t, n in zip(times, names, strict=True) if t >= begin and n & expected]
     assert found, sorted(set().union(*names))
     assert found[0] <= begin + latest
-    well = [(t, r) for t, r in zip(times, readings, strict=True) if t > begin + lasts + 1.0]
-    assert all(r.status.value == "live" and not r.faults for _, r in well)
+    well = [
+        (t, r)
+        for t, r in zip(times, readings, strict=True)
+        if t > begin + lasts + (2.0 if kind == "rates_in_deg" else 1.0)
+    ]
+    slowly = kind == "rates_in_deg" and mounted_on == "ship"  # it turns too slowly to show its gyroscope right
+    assert all(r.status.value == "live" and (slowly or not r.faults) for _, r in well)
     assert_allclose(readings[-1].gravity, true[-1], atol=0.15)

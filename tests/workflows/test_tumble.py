@@ -244,13 +244,15 @@ def test_a_csv_is_replayed_and_calibrated_by_the_command(tmp_path: Path) -> None
     assert_allclose(shown["mean"], [0.0, 0.0, -9.81], atol=0.03)
 
 
-def test_a_deck_that_was_recorded_is_live_with_a_ships_rules_and_not_with_a_tables(tmp_path: Path) -> None:
+def test_a_deck_that_was_recorded_is_live_and_doubted_where_no_ship_was_told_of(tmp_path: Path) -> None:
     rng, t = np.random.default_rng(1), np.arange(0.0, 8.0, 0.02)
     force = np.array([0.0, 0.0, 9.81]) + np.outer(2.5 * np.sin(0.24 * np.pi * t), [0.0, 0.0, 1.0])
     deck = ImuRecording(t, force + 0.02 * rng.normal(size=force.shape), 0.001 * rng.normal(size=force.shape))
     line = ("sense", "--replay", written(tmp_path / "deck.csv", deck), "--json", "--mounting-on")
     assert catenary(*line, "ship").json["faults"] == {}
-    assert catenary(*line, "table").json["faults"]["magnitude"] > 100
+    told = catenary(*line, "table").json
+    assert told["faults"]["magnitude"] > 100
+    assert set(told["readings"]) == {"live"}
 
 
 def imu_bag(path: Path, absent: str = "") -> Path:

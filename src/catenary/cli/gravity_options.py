@@ -1,7 +1,7 @@
 """Where gravity comes from: a ROS topic, or samples of a sensor on the base."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,6 @@ from catenary.sensing.fallbacks import FALLBACKS
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
-    from catenary.sensing.checks import SensorRules
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
     from catenary.sensing.vector import Convention, Mailbox
@@ -148,11 +147,9 @@ GRAVITY_TOPIC = option(
 class SensingOptions:
     """Options of every command that turns samples of a sensor into gravity."""
 
-    mounting_on: str = option("|".join(BASES), "Platform: sets thresholds, cut-off, timeouts.", "table")
-    sensor_noise: float | None = option("M/S2", "Noise of an axis of the sensor at rest. [default: 0.04]", least=0.0)
-    rule: Sequence[str] = option("NAME=VALUE", "Set a threshold (docs/gravity-sensor-rules.md); repeatable.")
+    mounting_on: str = option("|".join(BASES), "Platform: how soon a sensor is doubted there, and settles.", "table")
+    sensor_noise: float | None = option("M/S2", "Noise of an axis of a simulated sensor. [default: 0.04]", least=0.0)
     hanging: bool = option(None, "The base may hang upside down.", False)
-    cutoff_hz: float | None = option("HZ", "Cut-off frequency of the filter. [default: by --mounting-on]")
     fallback: str = option(
         "|".join(FALLBACKS), f"When samples stop, gravity: {'; '.join(map(str, FALLBACKS.values()))}.", "fade"
     )
@@ -160,15 +157,6 @@ class SensingOptions:
     age_limit: float = option("S", "Age from which the fallback acts.", 0.2)
     attitude_time: float | None = option("S", "Averaging time of the direction of fade. [default: by --mounting-on]")
     start_limit: float = option("S", "With --fallback stop: stop if no valid sample came by then.", 1.0)
-
-    def rules(self) -> "SensorRules":
-        """Return what is believed."""
-        from catenary.sensing.checks import CHEAP_NOISE, rules_for
-
-        changes = {"max_tilt": math.pi} if self.hanging else {}
-        changes |= dict(_rule(text) for text in self.rule)
-        noise = CHEAP_NOISE if self.sensor_noise is None else self.sensor_noise
-        return rules_for(self.mounting_on, noise=noise, changes=changes)
 
     def as_data(self) -> dict[str, Any]:
         """Return what was given, as plain data."""
@@ -181,17 +169,5 @@ class SensingOptions:
         """Return the source of gravity that reads a mailbox so."""
         from catenary.sensing.imu import SensedGravity
 
-        times = values_of(self, "fallback", "cutoff_hz", "stale_after", "age_limit", "attitude_time", "start_limit")
-        return SensedGravity(
-            mailbox, mounting, mounted_on=self.mounting_on, angular=angular, rules=self.rules(), feed=feed, **times
-        )
-
-
-def _rule(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
-    try:
-        number = float(value)
-    except ValueError as error:
-        raise InputError(f'--rule "{text}": expected NAME=VALUE with a number, as max_push=4') from error
-    key = name.strip().replace("-", "_")
-    return key, int(number) if key in ("stuck_samples", "confirm") and number.is_integer() else number
+        told = values_of(self, "fallback", "hanging", "stale_after", "age_limit", "attitude_time", "start_limit")
+        return SensedGravity(mailbox, mounting, mounted_on=self.mounting_on, angular=angular, feed=feed, **told)

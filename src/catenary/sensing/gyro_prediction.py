@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.sensing.checks import GravityCheck, SensorRules, norm
-from catenary.spatial import cross
+from catenary.sensing.checks import GravityCheck, norm
+from catenary.spatial import STANDARD_GRAVITY, cross
 
 
 class RestRate:
@@ -68,87 +68,88 @@ class RestRate:
 class PredictedGravity:
     """Gravity as the gyroscope predicts it, to find a base that tips while its gyroscope says that it stands still.
 
-    Gravity as last sensed is turned along by the angular rates and drawn slowly towards the readings. A reading of a
-    base that stands still by its gyroscope may differ from it by `max_push` and by accelerations that show in the
-    readings' length: a push across gravity lengthens them, a tip does not. Which of both sensors is wrong cannot be
-    told. They agree again when they have done so for `accept_jump_after`, wherever gravity points then.
+    Gravity as last sensed is turned along by the angular rates and drawn slowly towards what is sensed. A base that
+    stands still by its gyroscope may differ from it by a push and by accelerations that show in gravity's length: a
+    push across gravity lengthens it, a tip does not. Which of both sensors is wrong cannot be told. They agree again
+    when they have done so for half a second, wherever gravity points then.
     """
 
     START = 1.0  # [s] over which the first readings are averaged before any is judged
     AWHILE = 5.0  # [s] in its place where the base moved meanwhile
     MOVED = 0.15  # [m/s2] by which it shows that it did
-    # [s] over which gravity is drawn to readings, and their length and the rates at rest are taken
-    DRAW = 10.0
+    DRAW = 10.0  # [s] over which gravity is drawn to what is sensed, and its length
+    DRAW_RESTED = 30.0  # [s] the same with a gyroscope whose bias is known
     SHORTENING = 1.0  # [s] over which the length follows shorter readings: pushes lengthen them
     SMOOTH = 0.05  # [s] over which vibrations average out
+    STILL_RATE = 0.15  # [rad/s] below which a gyroscope says that the base stands still; more than its bias
     AFTER_TURNING = 0.5  # [s] for which accelerations of a turn may go on
+    AGREES_S = 0.5  # [s] for which sensors that disagreed must agree
     SURE = 0.03  # [m/s2] to which it is known
 
-    def __init__(self, rules: SensorRules) -> None:
-        self._rules = rules
+    def __init__(self, push: float) -> None:
+        """Take the hardest push [m/s2]."""
+        self._push = push
         self.forget()
 
     def forget(self) -> None:
         """Forget all readings."""
         self._gravity: Floats | None = None
-        self._off = np.zeros(3)  # of readings from it, smoothed
-        self._length, self._bias, self._began, self._judged_from = 0.0, np.zeros(3), math.inf, math.inf
+        self._off, self._bias, self._rate = np.zeros((3, 3))  # of readings from it, smoothed; of rates; the last
+        self._length, self._began, self._judged_from = 0.0, math.inf, math.inf
+        self._lively = 0.0  # [m2/s4] variance of the length: what pushes upwards does so across gravity too
         self._stamp = self._rate_stamp = -math.inf
-        self._last, self._rate = np.zeros((2, 3))  # reading and rate
         self._turning = 0.0  # [rad/s] the largest rate of late
-        self._disagree_since = math.inf
-        self.disagrees = False
+        self._disagree_since, self._draw = math.inf, self.DRAW
+        self._is_resting, self.disagrees = True, False
 
-    def turn(self, stamp: float, rate: Floats) -> None:
-        """Take a rate (3,) [rad/s] that is believed as far as it goes."""
+    def turn(self, stamp: float, rate: Floats, rested: Floats | None, fitted: Floats | None) -> None:
+        """Take a rate (3,) [rad/s] that is believed as far as it goes, and its bias as seen at rest, or in turns."""
         dt, self._rate_stamp = stamp - self._rate_stamp, stamp
         if not 0.0 < dt < GravityCheck.REST:
             self._gravity = None
             return
-        self._turning = max(norm(rate), self._turning * math.exp(-dt / self.AFTER_TURNING))
+        if rested is not None:
+            self._bias, self._draw = rested, self.DRAW_RESTED
+        elif fitted is not None and not self._is_resting:
+            self._bias = fitted
+        self._turning = max(norm(rate - self._bias), self._turning * math.exp(-dt / self.AFTER_TURNING))
         self._rate = rate
         if self._gravity is not None:
             turned = self._gravity - dt * cross(rate - self._bias, self._gravity)
             self._gravity = turned * (norm(self._gravity) / norm(turned))
 
-    def compare(self, stamp: float, gravity: Floats) -> bool:
-        """Take a reading (3,) [m/s2]; return whether the sensors disagree."""
-        dt, self._stamp, last, self._last = stamp - self._stamp, stamp, self._last, gravity
+    def compare(self, stamp: float, gravity: Floats, deviation: float) -> bool:
+        """Take gravity (3,) [m/s2] as filtered, and its deviation; return whether the sensors disagree."""
+        dt, self._stamp = stamp - self._stamp, stamp
         if self._gravity is None or not 0.0 < dt < GravityCheck.REST:
             # without rates nothing is predicted
             self._gravity = gravity if stamp - self._rate_stamp < GravityCheck.GAP else None
-            self._off, self._length, self._bias, self._began = np.zeros(3), norm(gravity), np.zeros(3), stamp
-            self._judged_from = stamp + self.START
+            self._off, self._length, self._began = np.zeros(3), norm(gravity), stamp
+            self._judged_from, self._is_resting = stamp + self.START, True
             self.disagrees = False
             return False
         off = gravity - self._gravity
-        self._learn_bias(stamp - self._began, dt, cross(last, gravity) / (dt * float(gravity @ gravity)))
-        self._gravity = self._gravity + self._share(stamp, dt, self.DRAW) * off
+        age = stamp - self._began
+        if age <= self.START and norm(self._off) > self.MOVED:
+            self._judged_from, self._is_resting = self._began + self.AWHILE, False
+        if age <= self.START and self._is_resting and self._draw == self.DRAW:
+            self._bias = self._bias + min(1.0, dt / age) * (self._rate - self._bias)
+        self._gravity = self._gravity + self._share(stamp, dt, self._draw) * off
         self._off = self._off + (1.0 - math.exp(-dt / self.SMOOTH)) * (off - self._off)
         now = self._gravity + self._off
         longer = norm(now) - self._length
         self._length += self._share(stamp, dt, self.DRAW if longer > 0.0 else self.SHORTENING) * longer
-        apart = norm(self._off) - self._leant(now) - self._leant(self._gravity)
+        self._lively += min(1.0, dt / self.DRAW) * ((norm(gravity) - STANDARD_GRAVITY) ** 2 - self._lively)
+        apart = norm(self._off) - self._leant(now) - self._leant(self._gravity) - 3.0 * deviation
         # once they disagreed, they are held to half as much
-        limit = 0.5 * self._rules.max_push if self.disagrees else self._rules.max_push
-        judged = self._turning < self._rules.still_rate and stamp > self._judged_from
+        limit = (0.5 * self._push if self.disagrees else self._push) + 3.0 * math.sqrt(self._lively)
+        judged = self._turning < self.STILL_RATE and stamp > self._judged_from
         if judged and apart > limit:
             self.disagrees, self._disagree_since = True, stamp
             self._gravity, self._off = now, np.zeros(3)
-        elif stamp - self._disagree_since >= self._rules.accept_jump_after:
+        elif stamp - self._disagree_since >= self.AGREES_S:
             self.disagrees = False
         return self.disagrees
-
-    def _learn_bias(self, age: float, dt: float, back: Floats) -> None:
-        """Draw the bias to what a gyroscope reads at rest, or beyond what readings turn by, `back` of it [rad/s]."""
-        if age <= self.START and norm(self._off) > self.MOVED:
-            self._judged_from, self._bias = self._began + self.AWHILE, np.zeros(3)
-        at_rest = self._judged_from <= self._began + self.START
-        if norm(self._rate) < self._rules.still_rate:
-            known = self.START if at_rest else self.DRAW
-            # of the noise of readings the sum leaves the first and the last
-            read = self._rate if at_rest and age <= self.START else self._rate + back
-            self._bias = self._bias + min(1.0, dt / (age if age < known else self.DRAW)) * (read - self._bias)
 
     def _share(self, stamp: float, dt: float, memory: float) -> float:
         """Return the weight of a sample in a mean over `memory` [s], at first in one over all there were."""

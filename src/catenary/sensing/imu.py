@@ -10,16 +10,16 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.sensing.agreement import AgreementWatch
 from catenary.sensing.bases import BaseSpectrum, base_spectrum
-from catenary.sensing.checks import Fault, GravityCheck, SensorRules, norm, rules_for
+from catenary.sensing.checks import Fault, GravityCheck, RateCheck, RawCheck, norm
 from catenary.sensing.fallback import SlowAttitude, SmoothTransfer
 from catenary.sensing.fallbacks import FALLBACKS
-from catenary.sensing.gyro_prediction import PredictedGravity
+from catenary.sensing.gyro_prediction import PredictedGravity, RestRate
+from catenary.sensing.memories import Memories, lever
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.tracks import GravityTrack, RateTrack
+from catenary.sensing.turning import HIGH_PASS_S, TurningWatch
 from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample
-from catenary.spatial import LEVEL, cross
+from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
 # how fast gravity, angular velocity and acceleration of the base may change as measured [m/s3, rad/s2, rad/s3]:
 # ten times what rocking by 10 degrees at 1 Hz takes; and how fast they come back from a fault
@@ -29,7 +29,18 @@ _MAX_SAMPLES_A_TICK = 64  # a queue that built up does not hold the tick up
 _FAULT_MEMORY_S = 0.1  # for which a fault is reported after the sample that showed it
 _PAUSE_S = 0.5  # between reads, after which they begin anew
 _FORGET_AFTER_S = 1.0  # without samples, after which a sensor is met anew
-_MAX_EASED = 0.3  # [m/s2] by which a reading that is live may be off, by its way from a fallback and by turning
+_LIVE_WITHIN = 0.3  # [m/s2] of gravity that is live: two deviations, turns that nothing checked, the way back
+_QUIET, _QUIET_RATE = 1e-3, 1e-5  # [m/s2, rad/s] least noise of a sample
+_GAP_S = 0.25  # without samples, over which no parabola is laid
+_RATES_S = 0.04  # of rates, before which they tell no acceleration
+_NOISY_SWING = 2.0  # [rad/s2] of angular acceleration that noise may be
+_SUDDEN = 0.3  # [m/s2] between a reading and its prediction that noise may be
+_OWN_S, _BEGINNING_S = 0.2, 0.04  # over which gravity's own change tells a turn, and in which one may have begun
+_SHAKES = 0.5  # [m/s2] of vibration in which single readings may be at the end of the range
+_CLIPPED_SHARE = 0.02  # of a sample in the mean that says how many were
+_NO_TURNING = np.zeros((2, 3))
+_FORCE_FAULTS = Fault.NOT_FINITE, Fault.STUCK, Fault.SATURATED
+_RATE_FAULTS = Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED
 _DOUBT_S = 0.1  # over which a doubt goes
 
 
@@ -89,23 +100,22 @@ class _FaultMemory:
 class SensedGravity:
     """Gravity, angular velocity and angular acceleration of a base, from samples in a mailbox; a GravitySource.
 
-    Each tick takes what came, checks it (checks.py), fits a parabola through the last few samples of each kind
-    (DelayFreeFilter) and reads it now, so that neither filtering nor the wait between samples delays the reading. With
-    p the sensor's position from the base's origin,
+    Each tick takes what came, checks it (checks.py), and reads now what filters of several memories make of it
+    (Memories), which turn along with the gyroscope, so that neither filtering nor the wait between samples delays the
+    reading, and vibration averages out. With p the sensor's position from the base's origin,
 
         gravity = gravity at the sensor + alpha x p + omega x (omega x p)
 
     in which gravity is free-fall acceleration, g minus the acceleration of that point. Rates of a gyroscope count once
-    gravity was seen to turn with them (AgreementWatch), or a tumble saw it; its bias is what it reads at rest
+    gravity was seen to turn with them (TurningWatch), or a tumble saw it; its bias is what it reads at rest
     (RestRate).
 
-    Before anything is believed gravity is that of a level base (NOMINAL). When samples stop or are all wrong, the
-    parabola is followed for a moment, then held (STALE); at the age limit the fallback takes its place: `hold`
-    gravity as of the newest sample, `fade` to gravity along the mean direction of the last seconds, `static`, that
-    of a level base, or `stop`, also when none was heard for a second. Angular terms end at the age limit in all of
-    them. Nothing ever leaps (SmoothTransfer); on its way from one to the other, where the filter is behind the
-    readings, where the last one was not believed, and where a turn may make more of the sensor's place, gravity is not
-    live. `read` raises nothing.
+    Before anything is believed gravity is that of a level base (NOMINAL). What is measured is LIVE within 0.3 m/s2, and
+    otherwise DEGRADED, with its deviation and a fault that says why. When samples stop or are all wrong, gravity is
+    followed for a moment, then held (STALE); at the age limit the fallback takes its place: `hold` gravity as of the
+    newest sample, `fade` to gravity along the mean direction of the last seconds, `static`, that of a level base, or
+    `stop`, also when none was heard for a second. Angular terms end at the age limit in all of them. Nothing ever leaps
+    (SmoothTransfer). `read` raises nothing.
     """
 
     def __init__(
@@ -116,52 +126,59 @@ class SensedGravity:
         mounted_on: str | BaseSpectrum = "table",
         angular: bool = True,
         fallback: str = "fade",
-        cutoff_hz: float | None = None,
+        hanging: bool = False,
+        stuck_samples: int = 10,
         stale_after: float = 0.05,
         age_limit: float = 0.2,
         attitude_time: float | None = None,
         start_limit: float = 1.0,
-        rules: SensorRules | None = None,
         feed: Callable[[float], None] | None = None,
     ) -> None:
         """Take samples from a mailbox.
 
         Args:
             mounting: At the base's origin, in its axes and without bias when None.
-            mounted_on: table, cart, vehicle or ship, or how the base moves: gives what is None below.
+            mounted_on: table, cart, vehicle or ship, or how the base moves: how soon it is doubted, and settles.
             angular: A gyroscope is there; without, angular rates are left aside.
             fallback: hold, fade, static or stop.
-            cutoff_hz: Half power of the low-pass; lower where fewer than five samples lie in 2.5 / cutoff_hz seconds.
+            hanging: The base may hang upside down.
+            stuck_samples: Identical readings in a row that make a sensor stuck; 0 for one without noise.
             stale_after: Age of the newest sample from which it counts as held [s].
             age_limit: Age from which the fallback takes its place [s].
-            attitude_time: Time constant of the mean direction that `fade` goes to [s].
+            attitude_time: Time constant of the mean direction that `fade` goes to [s]; by `mounted_on` when None.
             start_limit: Time without any believed sample after which `stop` stops [s].
             feed: Called with the time before samples are taken: what has no thread of its own delivers then.
         """
         self._ages = _Ages(stale_after, age_limit, start_limit)
-        spectrum = base_spectrum(mounted_on)
-        attitude = spectrum.attitude_time if attitude_time is None else attitude_time
-        cutoff = spectrum.cutoff_hz if cutoff_hz is None else cutoff_hz
+        base = base_spectrum(mounted_on)
+        attitude = base.attitude_time if attitude_time is None else attitude_time
         for name, value in (("attitude_time", attitude), ("start_limit", start_limit)):
             if not 0.0 < value < math.inf:
                 raise InputError(f"{name}: expected more than 0 s, got {value}")
         if fallback not in FALLBACKS:
             raise InputError(f'fallback "{fallback}": expected one of {", ".join(FALLBACKS)}')
-        self.mailbox, self.mounting = mailbox, Mounting() if mounting is None else mounting
-        self._angular, self._fallback, self._feed = angular, FALLBACKS[fallback], feed
-        rules = rules_for(mounted_on) if rules is None else rules
-        m = self.mounting
-        self._force, self._rate = GravityTrack(rules, m, cutoff), RateTrack(rules, m, cutoff)
-        self._predicted = PredictedGravity(rules)
-        self._agreement = AgreementWatch(rules, m.position @ m.rotation, checked=m.checked)
+        if not stuck_samples >= 0:
+            raise InputError(f"stuck_samples: expected 0 or more, got {stuck_samples}")
+        m = self.mounting = Mounting() if mounting is None else mounting
+        self.mailbox, self._angular, self._fallback, self._feed = mailbox, angular, FALLBACKS[fallback], feed
+        self._place = norm(m.position)
+        self._force_raw = RawCheck(stuck_samples, m.acceleration_range, _FORCE_FAULTS)
+        self._rate_raw = RawCheck(stuck_samples, m.rate_range, _RATE_FAULTS)
+        self._check, self._rate_check = GravityCheck(base, lever=self._place, hanging=hanging), RateCheck()
+        self._force, self._rates = Memories(_QUIET), Memories(_QUIET_RATE)
+        self._rest, self._predicted = RestRate(PredictedGravity.STILL_RATE), PredictedGravity(base.push)
+        drift = 0.5 * min(base.slow_acceleration, HIGH_PASS_S * base.slow_jerk)
+        self._watch = TurningWatch(m.position @ m.rotation, drift, checked=m.checked)
         self._attitude = SlowAttitude(attitude)
         self._transfer = SmoothTransfer(np.array(_FOLLOWING), np.array(_RECOVERING))
         self._memory = _FaultMemory()
-        self._doubted = 0.0  # [m/s2] by which gravity may have been off of late
+        self._believed = self._rate_heard = -math.inf  # [s] stamps of the newest reading that was believed, and rate
+        self._gaps, self._sudden, self._ahead, self._doubted = 0, 0.0, 0.0, 0.0  # and [m/s2] gravity may have been off
+        self._clipped = 0.0  # samples of late that were at the end of the range
         self._held = LEVEL  # gravity as of the newest sample there was
         self._last_time, self._first_time = math.nan, math.nan
-        self._mode: tuple[ReadingStatus, bool, int] = (ReadingStatus.NOMINAL, False, 0)
         self._said = ReadingStatus.NOMINAL
+        self._mode: tuple[ReadingStatus, bool, int] = (ReadingStatus.NOMINAL, False, 0)
 
     def read(self, time: float) -> GravityReading:
         """Return gravity and the turning of the base at a time [s], on the clock of the samples' stamps."""
@@ -173,30 +190,32 @@ class SensedGravity:
             if self._feed is not None:
                 self._feed(time)
             self._take(time, _MAX_SAMPLES_A_TICK)
-        force, rate, limit = self._force.filter, self._rate.filter, self._ages.age_limit
         # angular terms are held with gravity, and given up at the age limit
-        status, turning = self._status(time), self._rate_is_known and time - rate.newest <= limit
-        mode = status, turning, self._force.gaps
+        status = self._status(time)
+        turning = self._rate_is_known and time - self._rates.newest <= self._ages.age_limit
+        mode = status, turning, self._gaps
         changed, self._mode = mode != self._mode, mode
         dt = min(max(time - self._last_time, 0.0), 0.02)
         self._last_time = time
         gravity, *rates = self._transfer.follow(self._target(time, status, turning), dt, changed=changed)
-        self._doubted = max(self._doubt(time, turning), self._doubted * math.exp(-dt / _DOUBT_S))
-        is_behind = self._transfer.behind + self._doubted > _MAX_EASED or self._force.is_ahead
-        is_behind |= self._force.check.last_stamp > force.newest  # the last reading was not believed
-        if status is not ReadingStatus.LIVE or not is_behind:
-            self._said = status
-        elif self._said is ReadingStatus.LIVE:
-            self._said = ReadingStatus.STALE
-        said = self._said
-        ageless = ReadingStatus.NOMINAL, *((ReadingStatus.FALLBACK,) if self._fallback.gravity is None else ())
-        age = math.inf if said in ageless or force.newest == -math.inf else max(0.0, time - force.newest)
-        return GravityReading(gravity, age, np.array(rates), said, self._faults(time, status))
+        faults, deviation = self._memory.faults(time), math.inf
+        if status in (ReadingStatus.LIVE, ReadingStatus.STALE):
+            status, reason, deviation = self._judged(time, status, turning, dt)
+            if self._said is ReadingStatus.NOMINAL and reason is Fault.RECOVERING:
+                status, reason, deviation = ReadingStatus.NOMINAL, Fault.NONE, math.inf  # on its way from a level base
+            faults |= reason
+        self._said = status
+        faults |= self._silences(time, status)
+        ageless = status is ReadingStatus.NOMINAL or (
+            status is ReadingStatus.FALLBACK and (self._fallback.gravity is None or self._believed == -math.inf)
+        )
+        age = math.inf if ageless else max(0.0, time - self._believed)
+        return GravityReading(gravity, age, np.array(rates), status, faults, deviation)
 
     @property
     def remedy(self) -> str:
         """What mends a gyroscope that does not turn as gravity does, in words; empty where none was found wrong."""
-        return self._agreement.found.remedy
+        return self._watch.found.remedy
 
     def _begin(self, time: float) -> None:
         """Begin to be read, or again after a pause: what piled up meanwhile is no fault, and nothing is to be eased."""
@@ -217,99 +236,147 @@ class SensedGravity:
             turns = sample.kind is Kind.ANGULAR_RATE
             if turns and not self._angular:
                 continue
-            fault = (self._rate if turns else self._force).raw.fault(sample.stamp, sample.vector, now)
+            fault = (self._rate_raw if turns else self._force_raw).fault(sample.stamp, sample.vector, now)
             if fault is Fault.NONE and now - sample.stamp > self._ages.age_limit:
                 fault = Fault.STAMP_OLD
-            if fault is Fault.NONE:
+            clipped = fault is Fault.SATURATED and self._force.noise > _SHAKES  # its end is nearer than what was before
+            if fault is Fault.NONE or clipped:
+                self._memory.show(fault, now)
                 fault = self._take_rate(sample) if turns else self._take_force(sample)
+            self._clipped += clipped - min(1.0, _CLIPPED_SHARE) * self._clipped if not turns else 0.0
             self._memory.show(fault, now)
 
     def _take_force(self, sample: SensorSample) -> Fault:
         stamp, vector, kind = sample
-        force, check = self._force, self._force.check
+        check = self._check
         gravity = self.mounting.gravity(np.array(vector), kind)
         in_sensor = gravity @ self.mounting.rotation
         if self._predicted.disagrees:
-            self._agreement.add_gravity(stamp, in_sensor)  # which of them is wrong may be found meanwhile
-            if self._predicted.compare(stamp, gravity):
+            self._watch.add_gravity(
+                stamp, in_sensor, (self._force.noise, self._rates.noise)
+            )  # which of them is wrong may be found meanwhile
+            if self._follows(stamp, gravity):
                 return Fault.DISAGREEMENT
             self._meet_anew(stamp)
         # after a second without any sample; wrong ones keep their reason to be doubted
-        if force.filter.newest > -math.inf and stamp - check.last_stamp > _FORGET_AFTER_S:
-            force.meet_anew()
-        rate = self._rate.filter.at(stamp)[0] if self._rate_is_fresh(stamp) else None
-        fault = force.fault(stamp, gravity, rate, 0.0 if rate is None else self._rate.swing(stamp))
+        if self._believed > -math.inf and _FORGET_AFTER_S < stamp - check.last_stamp < math.inf:
+            check.forget()
+            self._force.clear()
+        rate, swing = None, 0.0
+        if self._rate_is_fresh(stamp):
+            rate, alpha = self._rates.at(stamp)
+            swing = max(0.0, norm(alpha) - _NOISY_SWING)
+        expected = self._force.at(stamp, rate)[0]
+        if self._force.newest > -math.inf:
+            self._sudden = max(0.0, norm(gravity - expected) - _SUDDEN - 3.0 * self._force.noise)
+        fault = check.fault(stamp, gravity, expected, rate, swing)
         if fault is not Fault.NONE or check.reference is None:
             return fault
-        self._agreement.add_gravity(stamp, in_sensor)
-        known = rate is not None and self._rate_is_known
-        if self._predicted.compare(stamp, gravity + self._lever(*self._turning(stamp)) if known else gravity):
+        self._watch.add_gravity(stamp, in_sensor, (self._force.noise, self._rates.noise))
+        if self._follows(stamp, gravity):
             return Fault.DISAGREEMENT
-        force.add(stamp, gravity)
-        if force.is_ahead:
-            self._memory.show(Fault.NOT_FOLLOWED, stamp)
-        self._attitude.add(stamp, gravity)
-        return Fault.NONE
+        self._believed = stamp
+        self._held = self._motion(stamp, self._rate_is_known and self._rate_is_fresh(stamp))[0]
+        self._attitude.add(stamp, self._held)
+        return Fault.MAGNITUDE if check.is_long else Fault.NONE
+
+    def _follows(self, stamp: float, gravity: Floats) -> bool:
+        """Filter a reading; return whether the gyroscope contradicts what it says."""
+        if stamp - self._force.newest > _GAP_S:
+            self._force.clear()
+            self._gaps += 1
+        rate = self._rates.at(stamp)[0] if self._rate_is_fresh(stamp) else None
+        self._force.add(stamp, gravity, rate)
+        value = self._force.at(stamp)[0]
+        if rate is not None and self._rate_is_known:
+            value = value + lever(self.mounting.position, *self._rates.at(stamp))
+        return self._predicted.compare(stamp, value, self._force.deviations(stamp)[0])
 
     def _meet_anew(self, stamp: float) -> None:
         """Meet the accelerometer anew after a disagreement."""
-        self._force.meet_anew()
-        self._force.check.doubted_until = stamp + PredictedGravity.DRAW
+        self._check.forget()
+        self._force.clear()
+        self._check.doubted_until = stamp + PredictedGravity.DRAW
 
     def _take_rate(self, sample: SensorSample) -> Fault:
         stamp, vector, _ = sample
-        track, check = self._rate, self._force.check
+        rest, check = self._rest, self._check
+        self._rate_heard = stamp
         read = self.mounting.rate(np.array(vector))
         steady = check.is_steady and stamp - check.last_stamp < 2.0 * GravityCheck.GAP
-        track.rest.add(stamp, read, check.mean if steady else None)
-        rate = read - track.rest.bias
-        self._agreement.rested = track.rest.is_known
-        self._agreement.add_rate(stamp, rate @ self.mounting.rotation)
-        fault = track.check.fault(rate, self._turning(stamp)[0] if self._rate_is_fresh(stamp) else None)
-        wrong = self._agreement.found.fault
-        if wrong is fault is Fault.NONE and track.rest.is_in_degrees:
+        rest.add(stamp, read, check.mean if steady else None)
+        rate = read - rest.bias
+        self._watch.bias = rest.bias @ self.mounting.rotation if rest.is_known else None
+        self._watch.add_rate(stamp, read @ self.mounting.rotation)
+        fault = self._rate_check.fault(rate, self._rates.at(stamp)[0] if self._rate_is_fresh(stamp) else None)
+        wrong = self._watch.found.fault
+        if wrong is fault is Fault.NONE and rest.is_in_degrees:
             wrong = Fault.RATE_UNIT
         if wrong is not Fault.NONE:
             # it foretells nothing, and what it said is not used any more
             if self._predicted.disagrees:
                 self._meet_anew(stamp)
             self._predicted.forget()
-            track.filter.clear()
+            self._rates.add(stamp, rate)  # they still say how far gravity may be off
             return wrong
         if fault is Fault.RATE_TOO_FAST:
             self._predicted.forget()  # whatever it is, it does not say that the base stands still
         elif fault in (Fault.NONE, Fault.RATE_SPIKE):  # nor does a base say so that begins to turn at once
-            self._predicted.turn(stamp, read)  # which has a bias of its own, and its mean must not leap
-        if fault is not Fault.NONE or not track.check.believed:
+            self._predicted.turn(stamp, read, rest.bias if rest.is_known else None, self._watch.fitted_bias)
+        if fault is not Fault.NONE or not self._rate_check.believed:
             return fault
         if self._predicted.disagrees:
             return Fault.DISAGREEMENT
-        dt, limit = stamp - track.filter.newest, self._ages.age_limit
-        track.begin_anew_after(dt)
-        track.watch_vertical(rate, min(dt, limit), check.reference, steady=steady)
-        if dt <= limit and self._rate_is_known:
+        dt = stamp - self._rates.newest
+        if dt > _GAP_S:
+            self._rates.clear()
+        if dt <= self._ages.age_limit and self._rate_is_known:
             self._attitude.turn(dt * rate)
-        track.add(stamp, rate, dt)
+        self._rates.add(stamp, rate)
         return Fault.NONE
 
     def _rate_is_fresh(self, time: float) -> bool:
-        return time - self._rate.filter.newest <= self._ages.stale_after
+        is_right = self._watch.found.fault is Fault.NONE
+        return is_right and time - self._rates.newest <= self._ages.stale_after
 
     @property
     def _rate_is_known(self) -> bool:
         """Return whether rates are there, and were found to turn as gravity does, or by what leaves it where it is."""
-        return (self._agreement.may_be_used or self._rate.is_unopposed) and self._rate.is_full
+        return self._watch.may_be_used and self._rates.span >= _RATES_S
 
     def _status(self, time: float) -> ReadingStatus:
-        newest, stops = self._force.filter.newest, self._fallback.stops
+        stops = self._fallback.stops
         fallen = ReadingStatus.STOP if stops else ReadingStatus.FALLBACK
-        if newest == -math.inf:
+        if self._believed == -math.inf:
             started = not stops or time - self._first_time <= self._ages.start_limit
             return ReadingStatus.NOMINAL if self._mode[0] is ReadingStatus.NOMINAL and started else fallen
-        age = time - newest
+        age = time - self._believed
         if age <= self._ages.stale_after and not self._predicted.disagrees:
             return ReadingStatus.LIVE
         return ReadingStatus.STALE if age <= self._ages.age_limit else fallen
+
+    def _judged(
+        self, time: float, status: ReadingStatus, turning: bool, dt: float
+    ) -> tuple[ReadingStatus, Fault, float]:
+        """Return what gravity that is measured is worth, why it is not live, and its deviation [m/s2]."""
+        deviation = self._force.deviations(time)[0]
+        lasting = math.exp(-dt / _DOUBT_S)
+        self._doubted = max(self._doubt(time, turning), self._doubted * lasting)
+        self._ahead = max(self._sudden, self._ahead * lasting)
+        doubts = {
+            Fault.VIBRATION: 2.0 * math.sqrt(3.0) * deviation,
+            Fault.UNCHECKED_TURN: self._doubted,
+            Fault.NOT_FOLLOWED: self._ahead,
+            Fault.RECOVERING: self._transfer.behind,
+            Fault.MAGNITUDE: self._check.length_off,
+            Fault.SATURATED: self._force.noise * min(1.0, _CLIPPED_SHARE * self._clipped),
+        }
+        reason, total = Fault.NONE, math.fsum(doubts.values())
+        if status is ReadingStatus.LIVE and total > _LIVE_WITHIN:
+            status, reason = ReadingStatus.DEGRADED, max(doubts, key=lambda doubt: doubts[doubt])
+        elif status is ReadingStatus.LIVE and self._check.last_stamp > self._believed:
+            status = ReadingStatus.STALE  # the last reading was not believed
+        return status, reason, total / (2.0 * math.sqrt(3.0))
 
     def _target(self, time: float, status: ReadingStatus, turning: bool) -> Floats:
         """Return where gravity, angular velocity and angular acceleration should be, (3, 3)."""
@@ -318,13 +385,10 @@ class SensedGravity:
         gravity = LEVEL
         if status is not ReadingStatus.NOMINAL and self._fallback.gravity is not None:
             gravity = self._fallback.gravity(self)
-        return np.array([gravity, np.zeros(3), np.zeros(3)])
+        return np.array([gravity, *_NO_TURNING])
 
     def newest_gravity(self) -> Floats:
         """Return gravity (3,) as of the newest sample: a parabola's guess of later is noisier; level before any."""
-        newest = self._force.filter.newest
-        if newest > -math.inf:
-            self._held = self._motion(newest, self._rate_is_known and self._rate_is_fresh(newest))[0]
         return self._held
 
     def mean_gravity(self) -> Floats:
@@ -333,31 +397,32 @@ class SensedGravity:
 
     def _motion(self, time: float, turning: bool) -> Floats:
         """Return gravity at the base's origin, angular velocity and acceleration at a time [s], (3, 3)."""
-        omega, alpha = self._turning(time) if turning else np.zeros((2, 3))
-        return np.array([self._force.at(time) + self._lever(omega, alpha), omega, alpha])
-
-    def _turning(self, time: float) -> Floats:
-        """Return angular velocity and acceleration (2, 3) at a time [s], followed as far as gravity is."""
-        rate = self._rate.filter
-        return rate.at(min(time, rate.newest + self._force.horizon))
+        omega, alpha = self._rates.at(time) if turning else _NO_TURNING
+        gravity = self._force.at(time, omega if turning else None)[0]
+        if turning and self._place > 0.0:
+            gravity = gravity + lever(self.mounting.position, omega, alpha)
+        return np.array([gravity, omega, alpha])
 
     def _doubt(self, time: float, turning: bool) -> float:
         """Return how far gravity may be off by a turn that is not, or not yet, accounted for [m/s2]."""
-        sudden = self._force.sudden
-        if not self._rate_is_fresh(time) or not self._rate.is_full:
-            wrong = self._agreement.found.fault is not Fault.NONE
-            return sudden + self._force.turning_doubt() + (self._agreement.lever() if wrong else 0.0)
-        # rates that nothing checked yet, and are not used, may be right
-        unused = 0.0 if turning else norm(self._lever(*self._turning(time)))
-        return sudden + unused + norm(self.mounting.position) * self._rate.slope_error
+        place = self._place
+        if place == 0.0:
+            return 0.0
+        unused = 0.0
+        if time - self._rates.newest <= self._ages.stale_after:
+            omega, alpha = self._rates.at(time)
+            if turning:
+                rate, change = self._rates.deviations(time)
+                return 4.0 * place * (math.sqrt(2.0) * change + 2.0 * norm(omega) * rate)
+            unused = norm(lever(self.mounting.position, omega, alpha))  # they may be right
+        # what moved gravity may be the lever alone, as of a turn about the vertical, or a turn with what it does there
+        moves = max(0.0, norm(self._force.at(time)[1]) - 5.0 * self._force.deviations(time)[1])
+        own = moves / STANDARD_GRAVITY
+        return max(unused, min(1.25 * _OWN_S * moves, place * (own * own + own / _BEGINNING_S)))
 
-    def _lever(self, omega: Floats, alpha: Floats) -> Floats:
-        """Return what gravity at the origin has more than at the sensor (3,) [m/s2]."""
-        p = self.mounting.position
-        return cross(alpha, p) + cross(omega, cross(omega, p))
-
-    def _faults(self, time: float, status: ReadingStatus) -> Fault:
-        faults, limit = self._memory.faults(time), self._ages.stale_after
-        if status is not ReadingStatus.LIVE:
-            return faults | self._memory.silence(time, self._first_time, limit)
-        return faults | Fault.RATES_INTERRUPTED if self._angular and not self._rate_is_fresh(time) else faults
+    def _silences(self, time: float, status: ReadingStatus) -> Fault:
+        """Return the faults of having heard nothing."""
+        limit = self._ages.stale_after
+        if status not in (ReadingStatus.LIVE, ReadingStatus.DEGRADED):
+            return self._memory.silence(time, self._first_time, limit)
+        return Fault.RATES_INTERRUPTED if self._angular and time - self._rate_heard > limit else Fault.NONE

@@ -149,6 +149,7 @@ class ReadingStatus(Enum):
 
     NOMINAL = "nominal"  # nothing was measured: that of a level base, or one that was told
     LIVE = "live"  # measured
+    DEGRADED = "degraded"  # measured, and off by as much as the reading's deviation says
     STALE = "stale"  # nothing new: the last one, held
     FALLBACK = "fallback"  # older than the age limit: what was configured for that case
     STOP = "stop"  # older than the age limit, and configured to stop the robot
@@ -162,6 +163,12 @@ class GravityReading(NamedTuple):
     base_rates: Floats  # (2, 3) angular velocity and acceleration of the base, in its axes [rad/s, rad/s2]
     status: ReadingStatus
     faults: Fault
+    deviation: float = np.inf  # [m/s2] standard deviation of gravity along each axis, beside the sensor's own bias
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance of gravity (3, 3) [m2/s4]."""
+        return self.deviation**2 * np.eye(3)
 
 
 class FixedGravity:

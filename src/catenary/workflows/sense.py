@@ -21,12 +21,12 @@ from catenary.errors import InputError, SensorError
 from catenary.recording.import_formats.imu_recording import ImuRecording
 from catenary.recording.import_formats.table_files import read_rows
 from catenary.robots.model import RobotModel
-from catenary.sensing.agreement import accelerations, compare, integrated
-from catenary.sensing.checks import Fault, SensorRules
+from catenary.sensing.checks import Fault
 from catenary.sensing.gyro_prediction import RestRate
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting, TumbleSection
 from catenary.sensing.tumble import SensorFit, align, fit_orientations, fit_tumble, level_and_tilts
+from catenary.sensing.turning import SensedTurn, compare, integral
 from catenary.sensing.vector import (
     GravityReading,
     Kind,
@@ -222,7 +222,7 @@ def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> S
 
 BLOCK = 0.25  # [s] over which a recorded sensor is still or not
 SHORTEST = 1.0  # [s] of a rest
-SHAKEN = 0.2  # [m2/s4] that hands leave which turn a sensor
+SHAKEN = 0.2  # [m/s2] that hands leave which turn a sensor
 _UNKNOWN = Mounting()
 
 
@@ -423,12 +423,11 @@ def check_gyroscope(recording: ImuRecording) -> tuple[list[str], bool]:
         good &= np.diff(time, prepend=-np.inf) > 0.0
         time, rate = time[good], rate[good]
         if len(time) > 2 and np.diff(time).max() < BLOCK:
-            pieces.append((time, recording.force[part][good], time, integrated(time, rate)))
-    span = sum(float(piece[0][-1] - piece[0][0]) for piece in pieces)
-    found = compare(pieces, accelerations(SensorRules(), span) + SHAKEN * span)
+            pieces.append(SensedTurn(time, integral(time, -recording.force[part][good]), time, integral(time, rate)))
+    found = compare(pieces, np.zeros(3), drift=SHAKEN)
     if found.fault is not Fault.NONE:
         return [f"{found.fault.message}; {found.remedy}".rstrip("; ")], False
     noise = np.median([np.std(np.diff(recording.rate[r], axis=0), axis=0) for r in rows], axis=0) / np.sqrt(2.0)
     if float(np.linalg.norm(noise)) > RestRate.ABSURD:
         return [f"{Fault.RATE_UNIT.message}: its noise at rest is {np.linalg.norm(noise):.2g}"], False
-    return [], found.agrees
+    return [], found.is_right

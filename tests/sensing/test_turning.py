@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from catenary.sensing.agreement import AgreementWatch, accelerations, compare, integrated
-from catenary.sensing.checks import Fault, SensorRules
+from catenary.sensing.checks import Fault
+from catenary.sensing.turning import SensedTurn, TurningWatch, compare, integral
 
 HZ, SPAN = 100, 4.0
-LIMIT = accelerations(SensorRules(), SPAN)
+NOWHERE = np.zeros(3)
 SIGN, AXES, UNIT, SCALE = Fault.RATE_SIGN, Fault.RATE_AXES, Fault.RATE_UNIT, Fault.RATE_SCALE
 SWAP = np.eye(3)[[1, 0, 2]]
 # what the gyroscope makes of its rates, what is found, and what is said of it
@@ -21,7 +21,7 @@ MISTAKES = {
     "in another order": (np.eye(3)[[2, 0, 1]], AXES, "y,z,x"),
     "deg/s": (np.degrees(np.eye(3)), UNIT, "in deg/s"),
     "divided by 57.3": (np.radians(np.eye(3)), UNIT, "divided by 57.3"),
-    "three times": (3.0 * np.eye(3), SCALE, "0.33"),
+    "three times": (3.0 * np.eye(3), SCALE, "gravity turns 0.3"),
 }
 
 
@@ -43,7 +43,7 @@ def rocking(rng, *, amplitude, hz, axis, lever=(0.0, 0.0, 0.0), late=0.0, second
 
 
 def compared(t, gravity, rates):
-    return compare([(t, gravity, t, integrated(t, rates))], LIMIT)
+    return compare([SensedTurn(t, integral(t, gravity), t, integral(t, rates))], NOWHERE, noise=(0.04, 9e-4))
 
 
 MOTIONS = {
@@ -59,7 +59,7 @@ def test_a_mistake_of_a_gyroscope_is_named_with_what_mends_it(mistake, motion, r
     matrix, fault, said = MISTAKES[mistake]
     t, gravity, rates = rocking(rng, **MOTIONS[motion])
     found = compared(t, gravity, rates @ matrix.T)
-    assert (found.fault, found.agrees) == (fault, fault is Fault.NONE)
+    assert (found.fault, found.is_right) == (fault, fault is Fault.NONE)
     assert said in found.remedy
 
 
@@ -82,11 +82,11 @@ def test_nothing_is_told_of_a_base_at_rest_nor_of_one_that_turns_about_the_verti
     t = np.arange(400) / HZ
     gravity = np.array([0.0, 0.0, -9.81]) + 0.04 * rng.normal(size=(400, 3))
     found = compared(t, gravity, -np.array(turn) + 9e-4 * rng.normal(size=(400, 3)))
-    assert (found.fault, found.agrees) == (Fault.NONE, False)
+    assert (found.fault, found.is_right) == (Fault.NONE, False)
 
 
 def test_a_gyroscope_that_was_wrong_is_wrong_until_a_turn_shows_that_it_agrees(rng):
-    watch, clock = AgreementWatch(SensorRules(), np.zeros(3)), 0.0
+    watch, clock = TurningWatch(NOWHERE, 0.0), 0.0
     said = []
     # x negated, which rocking about y does not show; then all of it right
     x, y, wrong = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), np.diag([-1.0, 1.0, 1.0])
@@ -94,8 +94,8 @@ def test_a_gyroscope_that_was_wrong_is_wrong_until_a_turn_shows_that_it_agrees(r
         t, gravity, rates = rocking(rng, amplitude=0.1, hz=0.8, axis=axis)
         for k in range(len(t)):
             watch.add_rate(clock + t[k], rates[k] @ matrix.T)
-            watch.add_gravity(clock + t[k], gravity[k])
+            watch.add_gravity(clock + t[k], gravity[k], (0.04, 9e-4))
         said.append(watch.found.fault)
         clock += SPAN + 1.0
     assert said == [Fault.RATE_SIGN, Fault.RATE_SIGN, Fault.NONE]
-    assert watch.found.agrees
+    assert watch.found.is_right
