@@ -17,7 +17,7 @@ from catenary.recording.import_formats.columns import Place, Stream
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.import_formats.series import GAP_INTERVALS, ClockStep, Series, clean_series, interpolate
 from catenary.recording.import_formats.table_time import TableTime, time_of
-from catenary.recording.import_formats.two_clocks import Clock, NothingInCommonError, clock_by_motion
+from catenary.recording.import_formats.two_clocks import FileClock, NothingInCommonError, clock_by_motion
 from catenary.topics import SECOND
 from catenary.verdict.delay import TOLERANCE_S
 
@@ -115,23 +115,23 @@ class OneClock:
 
     def _clocks(
         self, streams: Mapping[str, Stream], in_si: Mapping[str, InSi], units: tuple[str, ...]
-    ) -> dict[str, Clock]:
+    ) -> dict[str, FileClock]:
         """Return the clocks of streams of other files than q_nominal's, as given, or by the motion; say them."""
         # topics of bags share a clock
         file_of = {name: name if stream.type == "table" else "" for name, stream in streams.items()}
-        of: dict[str, Clock] = {}
+        of: dict[str, FileClock] = {}
         for file in {file_of[name]: None for name in streams if file_of[name] != file_of[self.base]}:
             given = self._mapping.clocks.get(file, self._mapping.clocks.get(""))
             keys = [k for k in ("q_encoder", "q_reported") if k in in_si and file_of[self._where[k][0][0][0]] == file]
             if given is not None:
-                of[file] = Clock(*given)
+                of[file] = FileClock(*given)
                 self.notes.append(f"{file or 'bag'}: {of[file]}")
             elif keys and (clock := self._by_motion(keys[0], file or "bag", in_si, units)) is not None:
                 of[file] = clock
                 self.notes.append(f"{file or 'bag'}: {clock}; taken onto q_nominal's (--clock 0,0 leaves it)")
         return {name: of[file_of[name]] for name in streams if file_of[name] in of}
 
-    def _by_motion(self, key: str, file: str, in_si: Mapping[str, InSi], units: tuple[str, ...]) -> Clock | None:
+    def _by_motion(self, key: str, file: str, in_si: Mapping[str, InSi], units: tuple[str, ...]) -> FileClock | None:
         """Return the clock of a file that saw the joints; None where it may well be that of q_nominal's."""
         base, its = self.samples(_BASE), self.samples(key)
         if base is None or its is None:

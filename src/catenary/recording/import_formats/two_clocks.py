@@ -40,7 +40,7 @@ class NothingInCommonError(InputError):
 
 
 @dataclass(frozen=True)
-class Clock:
+class FileClock:
     """A file's clock beside that of q_nominal's."""
 
     ahead: float = 0.0  # [s] by which it reads more when the rows of q_nominal begin
@@ -78,7 +78,7 @@ class Clock:
         return f"{said} ({low:+.3f} to {high:+.3f} s{gains}), by the motion that both saw"
 
 
-def clock_by_motion(base: Series, other: Series, units: tuple[str, ...], where: str) -> Clock:
+def clock_by_motion(base: Series, other: Series, units: tuple[str, ...], where: str) -> FileClock:
     """Return the clock of `other` beside that of `base`, both of the joints' positions (M, n) [rad|m].
 
     Raises:
@@ -105,7 +105,7 @@ def clock_by_motion(base: Series, other: Series, units: tuple[str, ...], where: 
     return best
 
 
-def _refined(clock: Clock, base: Series, other: Series, units: tuple[str, ...], where: str) -> Clock:
+def _refined(clock: FileClock, base: Series, other: Series, units: tuple[str, ...], where: str) -> FileClock:
     """Return a clock that is right to a second, by what a delay beside it explains."""
     origin, stride = int(base.stamp[0]), -(-len(base.stamp) // _MAX_ROWS)
     rows, q = base.stamp[::stride], base.values[::stride]
@@ -120,13 +120,13 @@ def _refined(clock: Clock, base: Series, other: Series, units: tuple[str, ...], 
             return clock
         grows = left.change[0] / max(left.span, 1e-9)
         middle = float(time[ok][0] + time[ok][-1]) / 2.0
-        clock = Clock(clock.ahead + left.seconds - grows * middle, clock.fast + grows, left)
+        clock = FileClock(clock.ahead + left.seconds - grows * middle, clock.fast + grows, left)
         if not grows:
             break
     return clock
 
 
-def _by_speeds(base: Series, other: Series, where: str) -> list[Clock]:
+def _by_speeds(base: Series, other: Series, where: str) -> list[FileClock]:
     """Return the clock to a step of the grid, by the parts of the motion that agree on it, and such as may be meant."""
     (speed, known), (its, seen) = _speeds(base), _speeds(other)
     size = round(_PART_S / _STEP_S)
@@ -148,7 +148,7 @@ def _by_speeds(base: Series, other: Series, where: str) -> list[Clock]:
         like = [(t, a[0]) for r, t, a in found if r[0] > _MIN_CORRELATION and abs(a[0] - ahead) < _near(t - at)]
         times, near = np.array([*like, (at, ahead)]).T
         fast = float(np.polyfit(times, near, 1)[0]) if len(like) > 2 else 0.0
-        clocks.append(Clock(begins + float(np.mean(near)) - fast * float(np.mean(times)), fast))
+        clocks.append(FileClock(begins + float(np.mean(near)) - fast * float(np.mean(times)), fast))
     return clocks
 
 
