@@ -13,6 +13,7 @@ from catenary.recording.logs import read_log
 from catenary.topics import SECOND
 from catenary.workflows.import_recording import import_recording
 from command_line import catenary, refusal
+from lab_bags import JOINT_STATE, joint_state, write_bag
 from tests.drawn_arms.arm import Arm
 
 CAMERA_HZ = 30.0
@@ -84,12 +85,11 @@ def robot() -> MotionLog:
 
 def off(log: MotionLog, robot: MotionLog) -> float:
     """Return the largest time by which measurements are out of step [s], as a joint's speed shows it."""
-    speed = np.gradient(robot.q_encoder, robot.time, axis=0)
-    error = log.q_encoder - robot.q_encoder[: len(log)]
+    first = int(np.searchsorted(robot.time, log.began - 1e-6))
+    rows = slice(first, first + len(log))
+    speed, error = np.gradient(robot.q_encoder, robot.time, axis=0)[rows], log.q_encoder - robot.q_encoder[rows]
     ok = log.ok
-    return max(
-        abs(float(e[ok] @ v[ok]) / float(v[ok] @ v[ok])) for e, v in zip(error.T, speed[: len(log)].T, strict=True)
-    )
+    return max(abs(float(e[ok] @ v[ok]) / float(v[ok] @ v[ok])) for e, v in zip(error.T, speed.T, strict=True))
 
 
 def test_files_of_two_computers_become_one_recording(robot: MotionLog, tmp_path: Path) -> None:
@@ -101,6 +101,24 @@ def test_files_of_two_computers_become_one_recording(robot: MotionLog, tmp_path:
     assert off(log, robot) < 0.003
     assert any("its clock is +7200.0" in note and "ppm" in note for note in log.notes)
     assert "--clock" not in " ".join(each for each in done.err.splitlines() if "refuse" in each)
+
+
+def test_a_table_an_hdf5_file_and_a_bag_have_a_clock_each(robot: MotionLog, tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    robot_csv, _ = written(tmp_path, robot, 0.0, 0.0)
+    stamps, values = seen(robot, 7200.0, 50.0)
+    with h5py.File(tmp_path / "camera.h5", "w") as file:
+        file["t"], file["joints"] = stamps, values
+    rows = [np.ascontiguousarray(row) for row in robot.q_nominal]
+    told = [(t + 0.25, "/js", joint_state(list(robot.joint_names), q)) for t, q in zip(robot.time, rows, strict=True)]
+    bag = write_bag(tmp_path / "arm", "ros1", {"/js": JOINT_STATE}, told)
+    mapping = ["q_nominal=robot:J*", "q_encoder=camera:joints", "q_reported=/js.position"]
+    log = import_recording([robot_csv, tmp_path / "camera.h5", bag], mapping, units="rad")
+    assert off(log, robot) < 0.003
+    assert sum("its clock is" in note for note in log.notes) == 2
+    assert not any("before arrival" in note for note in log.notes)
+    rest = log.q_nominal - log.q_reported
+    assert np.abs(rest[10:-10]).max() < 0.02
 
 
 def test_tables_with_the_same_names_are_told_apart_by_their_files(robot: MotionLog, tmp_path: Path) -> None:

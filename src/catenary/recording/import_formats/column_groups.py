@@ -172,10 +172,14 @@ def candidates_of(streams: Sequence[Stream], today: float, model: Jointed | None
     found = [one for several in each for one in several]
     if sum(stream.type == "table" for stream in streams) < 2:
         return found
-    # the name of a file says whose sensor it is of, where those of its columns do not
-    told = [one.stream.type == "table" and one.role == "unknown" for one in found]
-    roles = [_role(_words(one.stream.name)) if is_told else one.role for one, is_told in zip(found, told, strict=True)]
-    return [replace(one, role=role, is_of_several=True) for one, role in zip(found, roles, strict=True)]
+    return [replace(one, role=_role_in_file(one), is_of_several=True) for one in found]
+
+
+def _role_in_file(one: Candidate) -> Role:
+    """Return whose a table's columns are where several tables are read: a file's name says whose sensor it is of."""
+    of_file = _role(_words(one.stream.name)) if one.stream.type == "table" else "unknown"
+    is_told = of_file == "measured outside" and one.role in ("actual", "estimated", "measured", "reported")
+    return of_file if is_told or one.role == "unknown" else one.role
 
 
 def ok_columns(stream: Stream) -> list[str]:

@@ -73,7 +73,11 @@ class OneClock:
         self._take(found)
         if clocks := self._clocks(streams, in_si, units):
             origin = int(found[self.base, ""].stamp[0])
-            found = self._clean(streams, stamps | {n: clocks[n].onto_base(stamps[n], origin) for n in clocks})
+            for name, clock in clocks.items():
+                stamps[name], came = clock.onto_base(stamps[name], origin), streams[name].arrival
+                moved = None if came is None else clock.onto_base(came, origin)
+                streams = {**streams, name: replace(streams[name], arrival=moved)}
+            found = self._clean(streams, stamps)
             self._take(found)
         series = found[self.base, ""]
         self.repeated = series.report.repeated
