@@ -63,7 +63,7 @@ def test_code_on_disk_is_made_anew_when_a_file_that_it_calls_has_changed(tmp_pat
     (tmp_path / "caller.py").write_text(caller)
     for slope in ("2.0", "3.0"):
         (tmp_path / "called.py").write_text(f"{head}@inlined\ndef slope():\n    return {slope}\n")
-        done = subprocess.run([sys.executable, tmp_path / "caller.py"], capture_output=True, check=True)
+        done = subprocess.run([sys.executable, "-B", tmp_path / "caller.py"], capture_output=True, check=True)
         assert done.stdout.decode().strip() == slope
 
 

@@ -313,15 +313,15 @@ class _Clocks:
         if self.cost(delay, 0.0, _SCANNED_ROWS) - min(few) < needed / 3.0:
             return delay, _NO_CHANGE
         one = self.cost(delay, 0.0)
-        _, best, change = self._descent(*starts[int(np.argmin(few))], reach / 2.0)
+        _, middle, change = self._descent(*starts[int(np.argmin(few))], reach / 2.0)
         # motion that repeats itself hides whole periods where a change is taken for none
-        others = best + np.linspace(-reach, reach, 4 * _COARSE_DELAYS + 1)
+        others = middle + np.linspace(-reach, reach, 4 * _COARSE_DELAYS + 1)
         again = others[np.argmin([self.cost(other, change, _SCANNED_ROWS) for other in others])]
-        best, delay, change = self._descent(float(again), change, reach / 2.0)
-        if one - best < needed:
+        cost, middle, change = self._descent(float(again), change, reach / 2.0)
+        if one - cost < needed:
             return delay, _NO_CHANGE
-        low, high = self._around(lambda aside: self.cost(delay, change + aside))
-        return delay, (change, change + low, change + high)
+        low, high = self._around(lambda aside: self.cost(middle, change + aside))
+        return middle, (change, change + low, change + high)
 
     def interval(self, delay: float, change: float) -> tuple[float, float]:
         """Return the interval of a delay that changes."""

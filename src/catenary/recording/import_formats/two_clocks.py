@@ -27,6 +27,8 @@ _MIN_CORRELATION = 0.6  # of two sensors of one motion; of other motions it stay
 _RIVAL_S = 2.0  # [s] from the best lag on which another is a rival
 _RIVAL_RATIO = 2.0  # times more unexplained, from which on it is none
 _MAX_RIVALS = 4
+_CLOSE = CERTAIN_SIGMAS**2 / LOOKS  # in logarithms of what is unexplained, within which two are alike
+_MIN_UNEXPLAINED = 1e-3  # share of speeds' variance that counts as none
 _MAX_DRIFT = 2e-3  # of one clock beside another
 _MAX_ROWS = 200_000  # that the delay is found by
 _GAP_S = 1.0  # [s] beyond which nothing is read between two samples
@@ -92,11 +94,11 @@ def clock_by_motion(base: Series, other: Series, units: tuple[str, ...], where: 
         raise InputError(f"{where}: too little moves to tell its clock; {_GIVEN}")
     ours, its = (replace(one, values=one.values[:, joints]) for one in (base, other))
     rivals = [_refined(clock, base, other, units, where) for clock in _by_speeds(ours, its, where)]
-    best, *others = sorted(rivals, key=lambda clock: np.inf if clock.delay is None else clock.delay.cost)
-    if best.delay is not None:
-        others = [
-            each for each in others if each.delay and each.delay.cost < best.delay.cost + CERTAIN_SIGMAS**2 / LOOKS
-        ]
+    left = np.array([_unexplained(clock, ours, its) for clock in rivals])
+    best = rivals[int(np.argmin(left))]
+    others = [
+        each for each, cost in zip(rivals, left, strict=True) if cost < left.min() + _CLOSE and _is_close(each, best)
+    ]
     if others:
         raise InputError(
             f"{where}: the motion repeats itself: its clock may be {best.ahead:+.3f} s ahead of q_nominal's, or "
@@ -105,16 +107,37 @@ def clock_by_motion(base: Series, other: Series, units: tuple[str, ...], where: 
     return best
 
 
+def _is_close(rival: FileClock, best: FileClock) -> bool:
+    """Return whether a clock some periods off leaves as little of the positions as the best one does."""
+    if abs(rival.ahead - best.ahead) < _RIVAL_S:
+        return False
+    return best.delay is None or rival.delay is None or rival.delay.cost < best.delay.cost + _CLOSE
+
+
+def _unexplained(clock: FileClock, base: Series, other: Series) -> float:
+    """Return the sum over joints of the logarithm of the share of speeds' variance that a clock leaves unexplained."""
+    rows = np.arange(base.stamp[0], base.stamp[-1], round(_STEP_S * SECOND))
+    shifted = replace(other, stamp=clock.onto_base(other.stamp, int(base.stamp[0])))
+    pair = [np.diff(interpolate(one, rows, 3.0 * _GAP_S), axis=0) for one in (base, shifted)]
+    both = np.isfinite(pair[0]).all(axis=1) & np.isfinite(pair[1]).all(axis=1)
+    if both.sum() < _MIN_OVERLAP_S / _STEP_S:
+        return 0.0
+    x, y = (one[both] - one[both].mean(axis=0) for one in pair)
+    size = np.maximum((x**2).sum(axis=0) * (y**2).sum(axis=0), 1e-30)
+    return float(np.log(1.0 - (x * y).sum(axis=0) ** 2 / size + _MIN_UNEXPLAINED).sum())
+
+
 def _refined(clock: FileClock, base: Series, other: Series, units: tuple[str, ...], where: str) -> FileClock:
     """Return a clock that is right to a second, by what a delay beside it explains."""
     origin, stride = int(base.stamp[0]), -(-len(base.stamp) // _MAX_ROWS)
-    rows, q = base.stamp[::stride], base.values[::stride]
+    known = np.flatnonzero(np.isfinite(base.values).all(axis=1))[::stride]
+    rows, q = base.stamp[known], base.values[known]
     time, n = (rows - origin) / SECOND, q.shape[1]
     gap = max(_GAP_S, 3.0 * float(np.median(np.diff(other.stamp))) / SECOND)
     for _ in range(_ROUNDS):
         seen = interpolate(replace(other, stamp=clock.onto_base(other.stamp, origin)), rows, gap)
-        ok = np.asarray(np.isfinite(seen).all(axis=1) & np.isfinite(q).all(axis=1))
-        log = MotionLog(where, nameless(n), units, np.where(ok[:, None], q, 0.0), ok, q_encoder=seen, time=time)
+        ok = np.asarray(np.isfinite(seen).all(axis=1))
+        log = MotionLog(where, nameless(n), units, q, ok, q_encoder=seen, time=time)
         left = delay_of(log, change_sigmas=_CHANGE_SIGMAS)
         if left.sure == "unknown":
             return clock
