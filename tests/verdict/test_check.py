@@ -228,6 +228,16 @@ def test_a_sum_of_commands_names_its_entries_and_the_coupling_that_parts_it(entr
     assert_allclose(mended.q_encoder, log.q_encoder, atol=0.02)
 
 
+def test_one_sum_in_the_place_of_two_joints_is_refused_without_a_coupling() -> None:
+    log = cable_arm()
+    told = [
+        each
+        for each in findings_of(replace(log, q_encoder=log.q_encoder[:, [0, 0, 2]] + log.q_encoder[:, [1, 1, 2]]))
+        if each.name == "mixed"
+    ]
+    assert [(each.joints, each.refuses, each.remedy) for each in told] == [(("J1", "J2"), True, "")]
+
+
 @pytest.mark.parametrize("names", TOGETHER)
 def test_no_finding_hides_another_whatever_is_accepted(names: str) -> None:
     wanted = names.strip().split(", ")

@@ -131,6 +131,15 @@ def test_clocks_that_run_apart_are_told():
     assert not any(each.refuses for each in findings_of(mended))
 
 
+def test_a_clock_is_mended_from_the_first_row_on_where_measurements_begin_late():
+    log = cable_arm(seconds=600.0)
+    behind = np.column_stack([np.interp(log.time * (1.0 - 3e-4) - 0.1, log.time, c) for c in log.q_encoder.T])
+    found = next(f for f in findings_of(replace(log, q_encoder=behind, ok=log.time > 200.0)) if f.name == "clock")
+    ahead, ppm = map(float, found.remedy.removeprefix("--clock ").split(","))
+    assert abs(ahead - 0.1) < 0.005
+    assert abs(ppm - 300.0) < 3.0
+
+
 @pytest.mark.parametrize("change", ["still", "short", "unmeasured"])
 def test_too_little_motion_is_said(change):
     log = cable_arm()

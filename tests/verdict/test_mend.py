@@ -85,6 +85,12 @@ def test_couplings_add_other_columns_as_recorded_and_speeds_go_with_positions() 
     assert_array_equal(mended.tau, log.tau)
 
 
+def test_a_coupling_names_joints_that_hold_a_slash() -> None:
+    log = replace(recording(), joint_names=("arm/J1", "arm/J2", "J3"))
+    mended = Mend(couple=("arm/J2/arm/J1=0.5,J3/arm/J1=-1",))(log)
+    assert_allclose(mended.q_encoder[:, 1:], log.q_encoder[:, 1:] + log.q_encoder[:, :1] * [0.5, -1.0])
+
+
 def test_a_clock_s_offset_and_rate_are_taken_out() -> None:
     t = np.arange(2000) / 100.0
     q = np.sin(np.outer(t, [1.0, 2.0, 3.0]))

@@ -25,6 +25,7 @@ _SINGLE_PRECISION = 1e-6  # of a position, to which single precision keeps it
 _MIXED_UNEXPLAINED, _MIXED_RATIO = 0.1, 10.0
 _SHARE_OF_SUM = 0.03  # of a sum's spread, below which an entry may be what cables do
 _OWN_ENTRY = 0.15  # by which a joint's own entry may differ from one without being of a frame
+_MAX_CONDITION = 10.0  # of a matrix that is undone: errors of its entries grow by as much
 _BLOCKS = 8
 
 
@@ -131,16 +132,19 @@ def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
         counts = np.abs(own) * X.std(axis=0) > _SHARE_OF_SUM * y.std()
         to_si = shown[moving] / shown[i]
         for k, entry, width, is_in in zip(moving, own * to_si, 2.0 * error * to_si, counts, strict=True):
-            matrix[i, k] = entry if is_in and (k != i or abs(entry - 1.0) > _OWN_ENTRY) else float(k == i)
+            is_other = is_in if k != i else abs(entry - 1.0) > _OWN_ENTRY
+            matrix[i, k] = entry if is_other else float(k == i)
             entries += [f"{pairs.names[i]}/{pairs.names[k]} {entry:.4g} +- {width:.1g}"] * bool(is_in)
         said.append(f"{pairs.names[i]}: alone its own leaves {alone:.0%} of its variance, all together {together:.1%}")
     if said:
-        names = tuple(text.partition(":")[0] for text in said)
-        apart = _couple(np.linalg.inv(matrix) - np.eye(len(matrix)), pairs.names)
+        names, one = tuple(text.partition(":")[0] for text in said), np.eye(len(matrix))
         told = f"measurements are sums of commands ({'; '.join(said)}), by {', '.join(entries)}"
-        turned = _couple(matrix - np.eye(len(matrix)), pairs.names)
+        if np.linalg.cond(matrix) > _MAX_CONDITION:
+            yield Finding("mixed", names, told, "one sum in the place of several joints, which nothing parts")
+            return
+        turned = _couple(matrix - one, pairs.names)
         culprit = f"motor positions, or another frame; if the robot reports these, --couple q_nominal:{turned}"
-        yield Finding("mixed", names, told, culprit, f"--couple {apart}")
+        yield Finding("mixed", names, told, culprit, f"--couple {_couple(np.linalg.inv(matrix) - one, pairs.names)}")
 
 
 def _entries(X: Floats, y: Floats) -> tuple[Floats, Floats]:

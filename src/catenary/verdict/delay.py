@@ -70,13 +70,19 @@ class Delay:
     apart: tuple[tuple[str, float], ...] = ()  # joints and their own delays, where not all have one
     apart_by: float = 0.0  # deviations by which they stand out
     median: float = 0.0  # of all joints' own delays
-    span: float = 0.0  # of the recording
+    span: float = 0.0  # [s] of the rows that were read
+    middle: float = 0.0  # [s] from the first row of the recording to the middle of these
 
     @property
-    def clock(self) -> str:
-        """What `--clock` takes: the delay at the first row [s], and by how much it grows [millionths of the time]."""
-        change, span = self.change[0], max(self.span, 1e-9)
-        return f"{self.seconds - change / 2.0:.4f},{1e6 * change / span:.1f}"
+    def rate(self) -> tuple[float, float, float]:
+        """By how much it grows in a second, and its interval; 1e-6 for one ppm."""
+        change, low, high = (each / max(self.span, 1e-9) for each in self.change)
+        return change, low, high
+
+    @property
+    def at_first(self) -> float:
+        """The delay at the first row of the recording [s]."""
+        return self.seconds - self.rate[0] * self.middle
 
     def __str__(self) -> str:
         """Say what was found and what could hide."""
@@ -141,13 +147,14 @@ def delay_of(
     sure: Literal["certain", "likely", "none"] = "none"
     if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
         sure = "certain" if max(low, -high) > tolerance else "likely"
-    along, span = np.argmin(costs[:, :, 1:].sum(axis=0), axis=0), float(np.ptp(t[inside]))
+    along, read = np.argmin(costs[:, :, 1:].sum(axis=0), axis=0), t[inside]
+    span, middle = float(np.ptp(read)), float(read[0] + read[-1]) / 2.0
     seconds, change = float(grid[best]), _NO_CHANGE
     if in_time and span > 0.0:
-        apart_clocks = _Clocks(looks, motion, CERTAIN_SIGMAS**2 / worth)
-        seconds, change = apart_clocks.run_apart(seconds, grid[along], reach, change_sigmas)
+        clocks = _Clocks(looks, middle, span, CERTAIN_SIGMAS**2 / worth)
+        seconds, change = clocks.run_apart(seconds, grid[along], reach, change_sigmas)
         if change[0]:
-            low, high = apart_clocks.interval(seconds, change[0])
+            low, high = clocks.interval(seconds, change[0])
             sure = "certain" if max(low, -high) > tolerance else "none"
     own, gains = _apart(grid, costs[:, :, 0], max(APART_S, 4.0 * tolerance) if in_time else APART_ROWS)
     apart_by, fine = float(np.sqrt(worth * gains.sum())), between / 10.0 * np.arange(-10, 11)
@@ -157,7 +164,7 @@ def delay_of(
              for i, look, d, z2 in of_joints if z2 > 1.0]  # fmt: skip
     return Delay(
         seconds, low, high, sure, change, unit, float(total[best]), tuple(apart),
-        apart_by, float(np.median(own)), span,
+        apart_by, float(np.median(own)), span, middle,
     )  # fmt: skip
 
 
@@ -285,11 +292,9 @@ def _apart(grid: Floats, costs: Floats, least: float) -> tuple[Floats, Floats]:
 class _Clocks:
     """Delays that grow evenly along the recording, by the cost that one delay is found by."""
 
-    def __init__(self, looks: Sequence[_JointLook], motion: _Motion, certain: float) -> None:
-        """Take what joints are looked at by, and how much cost above the best is `certain` not to be chance."""
-        t = motion.t[motion.inside]
-        self._looks, self._certain = looks, certain
-        self._middle, self._span = float(t[0] + t[-1]) / 2.0, float(np.ptp(t))
+    def __init__(self, looks: Sequence[_JointLook], middle: float, span: float, certain: float) -> None:
+        """Take what joints are looked at by, when, and how much cost above the best is `certain` not to be chance."""
+        self._looks, self._middle, self._span, self._certain = looks, middle, span, certain
 
     def cost(self, delay: float, change: float, most: int = MAX_EXPLAINED_ROWS) -> float:
         """Return the sum of log RSS where the delay in the middle is `delay`, and grows by `change` [s]."""

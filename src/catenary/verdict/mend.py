@@ -15,12 +15,8 @@ from catenary.units import TO_SI
 from catenary.verdict.turns import turned_back
 
 _ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an option may name: "tau:J2,J3"
-_NEEDS = {
-    "shift": "q_encoder",
-    "delay": "q_encoder",
-    "time_unit": "time",
-    "clock": "q_encoder",
-}  # of steps that name no array
+# of steps that name no array
+_NEEDS = dict.fromkeys(("shift", "delay", "clock"), "q_encoder") | {"time_unit": "time"}
 # keys of `MotionLog.settled` that a model's file may hold
 MEND_KEYS = (
     r"^(shift|delay|time_unit|(units|swap|sign|scale|offset|couple)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
@@ -214,7 +210,9 @@ def _couple(log: MotionLog, text: str) -> MotionLog:
     key, _ = _array(log, array, "--couple")
     matrix = np.eye(len(log.joint_names))
     for pair, number in entries.items():
-        row, _, column = pair.partition("/")
+        parts = pair.split("/")
+        ends = [("/".join(parts[:k]), "/".join(parts[k:])) for k in range(1, len(parts))]  # a name may hold one, too
+        row, column = next((both for both in ends if {*both} <= {*log.joint_names}), pair.partition("/")[::2])
         matrix[_joint(log, row, "--couple"), _joint(log, column, "--couple")] += number
     with_it = [key] + ["q_reported", "qd"] * (key == "q_nominal")
     coupled = {each: getattr(log, each) @ matrix.T for each in with_it if getattr(log, each) is not None}

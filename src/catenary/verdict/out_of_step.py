@@ -58,13 +58,12 @@ def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay 
     """Find one delay of all joints; there is always one finding or more."""
     from scipy.stats import spearmanr
 
-    change = near.change[0]
-    if change:
-        ppm, low, high = (1e6 * each / near.span for each in near.change)
+    if change := near.change[0]:
+        ppm, low, high = (1e6 * each for each in near.rate)
         says = (
             f"the delay grows by {change:+.3g} {near.unit} along the recording, {ppm:.0f} ppm ({low:.0f} to {high:.0f})"
         )
-        apart = replace(_clock(says, near), remedy=f"--clock {near.clock}")
+        apart = replace(_clock(says, near), remedy=f"--clock {near.at_first:.4f},{ppm:.1f}")
         return [apart, *[replace(_delay(near), remedy="")] * (near.sure == "certain")]
     clocks: list[Finding] = []
     if near.sure == "certain":

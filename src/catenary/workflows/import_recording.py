@@ -74,8 +74,13 @@ def import_recording(
     Example:
         log = import_recording("lab.bag", ["q_nominal=/PSM1/measured_js.position[0:3]"], robot="dvrk_psm")
     """
-    how: dict[str, Any] = {"units": units, "robot": robot, "accept_proposal": accept_proposal, "answers": answers}
-    how["clock"] = clock
+    how: dict[str, Any] = {
+        "units": units,
+        "robot": robot,
+        "accept_proposal": accept_proposal,
+        "answers": answers,
+        "clock": clock,
+    }
     opened = _opened(_paths(sources), mapping, **how)
     return opened if isinstance(opened, MotionLog) else synchronise(*opened).log
 
@@ -170,6 +175,8 @@ def _opened(
             raise InputError("answers are to a proposal; here is a mapping, which leaves nothing open")
         return Sources(paths, progress), chosen
     found = None if answers else known_layout(paths, robot=robot)
+    if found is not None and clock:
+        raise InputError(f"--clock: {found} is one file of one clock; fit, evaluate and check take --clock to mend it")
     if found is not None:
         model, words = None if robot is None else load_robot(robot), () if units is None else units_of(units)[1]
         si = si_units(words) if len(words) > 1 else None

@@ -142,9 +142,24 @@ def test_a_clock_that_is_given_is_taken_and_stamps_stay_as_they_are_if_it_is_non
     assert off(import_recording(paths, mapping, clock=["camera=0.5"]), robot) < 0.003
     assert off(import_recording(paths, mapping, clock=["0,0"]), robot) > 0.3
     assert off(import_recording(paths, mapping), robot) < 0.003
+    assert "no file cam: expected camera" in refusal(
+        "import", *paths, *NAMES, "--clock", "cam=1", "--out", tmp_path / "x.parquet"
+    )
+    alone = ("--map", "q_nominal=J*@rad", "--clock", "1", "--out", tmp_path / "x.parquet")
+    assert "none is read beside q_nominal's" in refusal("import", paths[0], *alone)
     assert "expected seconds and ppm" in refusal(
         "import", *paths, *NAMES, "--clock", "soon", "--out", tmp_path / "x.parquet"
     )
+
+
+def test_rows_without_time_stay_without(robot: MotionLog, tmp_path: Path) -> None:
+    paths = written(tmp_path, robot, 50.0, 0.0)
+    lines = paths[1].read_text().splitlines()
+    lines[200:300] = [f"nan,{line.partition(',')[2]}" for line in lines[200:300]]
+    paths[1].write_text("\n".join(lines))
+    log = import_recording(paths, NAMES[1::2])
+    assert any("100 rows without time were left out" in note for note in log.notes)
+    assert off(log, robot) < 0.003
 
 
 def test_files_whose_clocks_cannot_be_told_say_what_would(robot: MotionLog, tmp_path: Path) -> None:

@@ -74,7 +74,8 @@ class OneClock:
         if clocks := self._clocks(streams, in_si, units):
             origin = int(found[self.base, ""].stamp[0])
             for name, clock in clocks.items():
-                stamps[name], came = clock.onto_base(stamps[name], origin), streams[name].arrival
+                timed, came = stamps[name] != _LOST, streams[name].arrival
+                stamps[name] = np.where(timed, clock.onto_base(stamps[name], origin), _LOST)
                 moved = None if came is None else clock.onto_base(came, origin)
                 streams = {**streams, name: replace(streams[name], arrival=moved)}
             found = self._clean(streams, stamps)
@@ -122,17 +123,22 @@ class OneClock:
     ) -> dict[str, FileClock]:
         """Return the clocks of streams of other files than q_nominal's, as given, or by the motion; say them."""
         # topics of bags share a clock
-        file_of = {name: name if stream.type == "table" else "" for name, stream in streams.items()}
-        of: dict[str, FileClock] = {}
-        for file in {file_of[name]: None for name in streams if file_of[name] != file_of[self.base]}:
-            given = self._mapping.clocks.get(file, self._mapping.clocks.get(""))
+        file_of = {name: name if stream.type == "table" else "bag" for name, stream in streams.items()}
+        others = dict.fromkeys(file for file in file_of.values() if file != file_of[self.base])
+        given, of = self._mapping.clocks, dict[str, FileClock]()
+        if unknown := [file for file in given if not others or file not in ("", *others)]:
+            known = f"expected {', '.join(others)}" if others else "none is read beside q_nominal's"
+            named = " ".join(["no file", *filter(None, unknown[:1])])
+            raise InputError(f"--clock: {named}: {known}")
+        for file in others:
+            told = given.get(file, given.get(""))
             keys = [k for k in ("q_encoder", "q_reported") if k in in_si and file_of[self._where[k][0][0][0]] == file]
-            if given is not None:
-                of[file] = FileClock(*given)
-                self.notes.append(f"{file or 'bag'}: {of[file]}")
-            elif keys and (clock := self._by_motion(keys[0], file or "bag", in_si, units)) is not None:
+            if told is not None:
+                of[file] = FileClock(*told)
+                self.notes.append(f"{file}: {of[file]}")
+            elif keys and (clock := self._by_motion(keys[0], file, in_si, units)) is not None:
                 of[file] = clock
-                self.notes.append(f"{file or 'bag'}: {clock}; taken onto q_nominal's (--clock 0,0 leaves it)")
+                self.notes.append(f"{file}: {clock}; taken onto q_nominal's (--clock 0,0 leaves it)")
         return {name: of[file_of[name]] for name in streams if file_of[name] in of}
 
     def _by_motion(self, key: str, file: str, in_si: Mapping[str, InSi], units: tuple[str, ...]) -> FileClock | None:

@@ -75,8 +75,8 @@ class FileClock:
         if self.delay is None:
             return f"{said}, as given"
         low, high = self.interval
-        of_change = [1e6 * each / max(self.delay.span, 1e-9) for each in self.delay.change[1:]]
-        gains = f", {1e6 * self.fast + of_change[0]:+.0f} to {1e6 * self.fast + of_change[1]:+.0f} ppm" * any(of_change)
+        _, slowest, fastest = (1e6 * (self.fast + each) for each in self.delay.rate)
+        gains = f", {slowest:+.0f} to {fastest:+.0f} ppm" * (slowest < fastest)
         return f"{said} ({low:+.3f} to {high:+.3f} s{gains}), by the motion that both saw"
 
 
@@ -141,9 +141,9 @@ def _refined(clock: FileClock, base: Series, other: Series, units: tuple[str, ..
         left = delay_of(log, change_sigmas=_CHANGE_SIGMAS)
         if left.sure == "unknown":
             return clock
-        grows = left.change[0] / max(left.span, 1e-9)
-        middle = float(time[ok][0] + time[ok][-1]) / 2.0
-        clock = FileClock(clock.ahead + left.seconds - grows * middle, clock.fast + grows, left)
+        grows = left.rate[0]
+        # delays count from the first of the rows that are read, clocks from the first of q_nominal's
+        clock = FileClock(clock.ahead + left.at_first - grows * float(time[0]), clock.fast + grows, left)
         if not grows:
             break
     return clock
