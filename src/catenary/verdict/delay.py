@@ -312,7 +312,9 @@ class _Clocks:
         from scipy.stats import theilslopes
 
         slope, level, *_ = theilslopes(along, np.linspace(-0.5, 0.5, len(along)))
-        starts = [(delay, aside) for aside in (*-_STEPS_ASIDE_S, *_STEPS_ASIDE_S)] + [(float(level), float(slope))]
+        starts = [(delay, aside) for aside in np.r_[-_STEPS_ASIDE_S, _STEPS_ASIDE_S].tolist()] + [
+            (float(level), float(slope))
+        ]
         few = [self.cost(*start, _SCANNED_ROWS) for start in starts]
         needed = (sigmas / CERTAIN_SIGMAS) ** 2 * self._certain
         if self.cost(delay, 0.0, _SCANNED_ROWS) - min(few) < needed / 3.0:

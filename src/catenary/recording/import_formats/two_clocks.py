@@ -76,7 +76,7 @@ class FileClock:
             return f"{said}, as given"
         low, high = self.interval
         _, slowest, fastest = (1e6 * (self.fast + each) for each in self.delay.rate)
-        gains = f", {slowest:+.0f} to {fastest:+.0f} ppm" * (slowest < fastest)
+        gains = f", {slowest:+.0f} to {fastest:+.0f} ppm" * bool(slowest < fastest)
         return f"{said} ({low:+.3f} to {high:+.3f} s{gains}), by the motion that both saw"
 
 
