@@ -69,9 +69,10 @@ class PredictedGravity:
     """Gravity as the gyroscope predicts it, to find a base that tips while its gyroscope says that it stands still.
 
     Gravity as last sensed is turned along by the angular rates and drawn slowly towards what is sensed. A base that
-    stands still by its gyroscope may differ from it by a push and by accelerations that show in gravity's length: a
-    push across gravity lengthens it, a tip does not. Which of both sensors is wrong cannot be told. They agree again
-    when they have done so for half a second, wherever gravity points then.
+    stands still by its gyroscope may differ from it by a push, by accelerations that show in gravity's length (a push
+    across gravity lengthens it, a tip does not), and by what adds up to no more speed than a push gives. Which of both
+    sensors is wrong cannot be told: where they move together again, they stay apart by what came between, until the
+    accelerometer is back, or the gyroscope was found wrong.
     """
 
     START = 1.0  # [s] over which the first readings are averaged before any is judged
@@ -85,6 +86,8 @@ class PredictedGravity:
     AFTER_TURNING = 0.5  # [s] for which accelerations of a turn may go on
     AGREES_S = 0.5  # [s] for which sensors that disagreed must agree
     SURE = 0.03  # [m/s2] to which it is known
+    PUSH_S = 0.5  # [s] that the hardest push lasts
+    SPEED_S = 10.0  # [s] over which speed is forgotten
 
     def __init__(self, push: float) -> None:
         """Take the hardest push [m/s2]."""
@@ -94,12 +97,14 @@ class PredictedGravity:
     def forget(self) -> None:
         """Forget all readings."""
         self._gravity: Floats | None = None
-        self._off, self._bias, self._rate = np.zeros((3, 3))  # of readings from it, smoothed; of rates; the last
+        self._before: Floats | None = None  # what it would be now, had they not come apart
+        self.apart = 0.0  # [m/s2] by how much they still are
+        self._off, self._bias, self._rate, self._speed = np.zeros((4, 3))  # of readings from it, smoothed; of rates
         self._length, self._began, self._judged_from = 0.0, math.inf, math.inf
         self._lively = 0.0  # [m2/s4] variance of the length: what pushes upwards does so across gravity too
         self._stamp = self._rate_stamp = -math.inf
         self._turning = 0.0  # [rad/s] the largest rate of late
-        self._disagree_since, self._draw = math.inf, self.DRAW
+        self._disagree_since, self._apart_since, self._draw = math.inf, math.inf, self.DRAW
         self._is_resting, self.disagrees = True, False
 
     def turn(self, stamp: float, rate: Floats, rested: Floats | None, fitted: Floats | None) -> None:
@@ -114,17 +119,19 @@ class PredictedGravity:
             self._bias = fitted
         self._turning = max(norm(rate - self._bias), self._turning * math.exp(-dt / self.AFTER_TURNING))
         self._rate = rate
+        angle = dt * (rate - self._bias)
         if self._gravity is not None:
-            turned = self._gravity - dt * cross(rate - self._bias, self._gravity)
-            self._gravity = turned * (norm(self._gravity) / norm(turned))
+            self._gravity = _turned(self._gravity, angle)
+        if self._before is not None:
+            self._before = _turned(self._before, angle)
 
     def compare(self, stamp: float, gravity: Floats, deviation: float) -> bool:
-        """Take gravity (3,) [m/s2] as filtered, and its deviation; return whether the sensors disagree."""
+        """Take gravity (3,) [m/s2] as filtered, and its deviation; return whether the sensors come apart."""
         dt, self._stamp = stamp - self._stamp, stamp
         if self._gravity is None or not 0.0 < dt < GravityCheck.REST:
             # without rates nothing is predicted
             self._gravity = gravity if stamp - self._rate_stamp < GravityCheck.GAP else None
-            self._off, self._length, self._began = np.zeros(3), norm(gravity), stamp
+            self._off, self._speed, self._length, self._began = np.zeros(3), np.zeros(3), norm(gravity), stamp
             self._judged_from, self._is_resting = stamp + self.START, True
             self.disagrees = False
             return False
@@ -134,22 +141,40 @@ class PredictedGravity:
             self._judged_from, self._is_resting = self._began + self.AWHILE, False
         if age <= self.START and self._is_resting and self._draw == self.DRAW:
             self._bias = self._bias + min(1.0, dt / age) * (self._rate - self._bias)
-        self._gravity = self._gravity + self._share(stamp, dt, self._draw) * off
         self._off = self._off + (1.0 - math.exp(-dt / self.SMOOTH)) * (off - self._off)
-        now = self._gravity + self._off
+        now, size = self._gravity + self._off, norm(self._off)
         longer = norm(now) - self._length
         self._length += self._share(stamp, dt, self.DRAW if longer > 0.0 else self.SHORTENING) * longer
         self._lively += min(1.0, dt / self.DRAW) * ((norm(gravity) - STANDARD_GRAVITY) ** 2 - self._lively)
-        apart = norm(self._off) - self._leant(now) - self._leant(self._gravity) - 3.0 * deviation
+        leant = self._leant(now)
+        known = leant + self._leant(self._gravity) + 3.0 * deviation
+        apart = size - known
+        # a push that its length shows does not draw
+        drawn = max(0.0, 1.0 - leant / max(size, 1e-9)) if stamp > self._judged_from else 1.0
+        self._gravity = self._gravity + drawn * self._share(stamp, dt, self._draw) * off
+        judged = self._turning < self.STILL_RATE and stamp > self._judged_from
+        self._speed *= math.exp(-dt / self.SPEED_S)
+        if judged and apart > 0.0 and (self._is_resting or self._draw == self.DRAW_RESTED):  # its bias is known
+            self._speed += dt * apart / size * self._off
         # once they disagreed, they are held to half as much
         limit = (0.5 * self._push if self.disagrees else self._push) + 3.0 * math.sqrt(self._lively)
-        judged = self._turning < self.STILL_RATE and stamp > self._judged_from
-        if judged and apart > limit:
+        if judged and (apart > limit or norm(self._speed) > limit * self.PUSH_S):
+            self._before = self._gravity if self._before is None else self._before
             self.disagrees, self._disagree_since = True, stamp
-            self._gravity, self._off = now, np.zeros(3)
+            self._gravity, self._off, self._speed = now, np.zeros(3), np.zeros(3)
         elif stamp - self._disagree_since >= self.AGREES_S:
             self.disagrees = False
+        if self._before is not None:
+            self._watch_return(stamp, norm(now - self._before), known)
         return self.disagrees
+
+    def _watch_return(self, stamp: float, apart: float, known: float) -> None:
+        """Take by how much the sensors are apart since they disagreed [m/s2]."""
+        self.apart = apart
+        if apart > 0.5 * self._push + known:
+            self._apart_since = stamp
+        elif stamp - self._apart_since >= self.AGREES_S:
+            self._before, self.apart = None, 0.0
 
     def _share(self, stamp: float, dt: float, memory: float) -> float:
         """Return the weight of a sample in a mean over `memory` [s], at first in one over all there were."""
@@ -160,3 +185,9 @@ class PredictedGravity:
         """Return the acceleration across gravity that makes a reading as long as it is [m/s2]."""
         rest = self._length + self.SURE
         return math.sqrt(max(0.0, float(gravity @ gravity) - rest * rest))
+
+
+def _turned(gravity: Floats, angle: Floats) -> Floats:
+    """Return gravity (3,) as seen from axes that have turned by a small angle (3,) [rad]."""
+    turned = gravity - cross(angle, gravity)
+    return np.asarray(turned * (norm(gravity) / norm(turned)))

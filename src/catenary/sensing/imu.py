@@ -370,6 +370,7 @@ class SensedGravity:
             Fault.RECOVERING: self._transfer.behind,
             Fault.MAGNITUDE: self._check.length_off,
             Fault.SATURATED: self._force.noise * min(1.0, _CLIPPED_SHARE * self._clipped),
+            Fault.DISAGREEMENT: self._predicted.apart,
         }
         reason, total = Fault.NONE, math.fsum(doubts.values())
         if status is ReadingStatus.LIVE and total > _LIVE_WITHIN:

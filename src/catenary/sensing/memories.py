@@ -1,11 +1,12 @@
 """A vector now, its slope and how sure both are, from noisy samples: parabolas over short and long memories at once."""
 
 import math
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catenary.arrays import Floats
+from catenary.kernels.compiled import compiled
 from catenary.spatial import cross
 
 _LENGTHS = np.array([0.012, 0.025, 0.05, 0.1, 0.25, 0.8, 2.4])  # [s] time constants of the memories
@@ -13,8 +14,6 @@ _BLOCKS = np.maximum(_LENGTHS / 8.0, 0.0039)  # [s] of samples that each takes t
 _COUNT = len(_LENGTHS)
 # variance of value, slope and curvature by the first sample, times its own; times are in lengths of each memory
 _BEFORE = np.stack([np.ones(_COUNT), 1e2 * _LENGTHS**2, 1e4 * _LENGTHS**4], axis=1)[:, :, None] * np.eye(3)
-_SECONDS = np.stack([np.ones(_COUNT), _LENGTHS], axis=1)
-_SHORTER = np.tril(np.ones((_COUNT, _COUNT), dtype=bool), -1)[:, :, None]
 _NOISE_S, _MIN_SHARE = 0.4, 0.1  # [s] over which noise is estimated, and over ten blocks at least
 _OUTLIER = 9.0  # times its variance that a block counts for the noise at most
 # times the variances of two memories together that the squared distance of their values, and of their slopes, is
@@ -24,6 +23,28 @@ _VIBRATES_HZ = 8.0  # from which on what a short memory follows is vibration, an
 _FOLLOWERS, _STEADY = 4, 4  # memories short enough to follow it, and one beside which it shows
 _REACH = 1.5  # time constants for which a parabola is followed beyond the newest sample
 _SHORTEST_REACH = 0.03  # [s]
+_STILL = np.zeros(3)
+
+_STATE = np.dtype(
+    [
+        # of each memory: value, slope and curvature at the newest sample, and the sum of a block that has begun
+        ("states", "f8", (_COUNT, 4, 3)),
+        ("covariance", "f8", (_COUNT, 3, 3)),  # over the variance of a block
+        ("noise", "f8", _COUNT),  # variance of a block of each, as its innovations have it
+        ("blocks", "f8", _COUNT),  # how many there were
+        ("begun", "f8", _COUNT),  # of a block: begin, samples, sum of their ages
+        ("taken", "f8", _COUNT),
+        ("ages", "f8", _COUNT),
+        ("last", "f8", (3, 3)),  # a sample beside a steady memory, its step, and that step's step
+        ("swings", "f8", 3),  # squares of late: beside a steady memory, of a step, and of a third difference
+        ("newest", "f8"),
+        ("period", "f8"),
+        ("quiet", "f8"),
+        ("chosen", "i8"),
+        ("variance", "f8", (3, 3)),  # of the chosen memory
+        ("sample_noise", "f8"),  # standard deviation of an axis
+    ]
+)  # fmt: skip
 
 
 class Memories:
@@ -42,16 +63,9 @@ class Memories:
 
     def clear(self) -> None:
         """Forget all samples."""
-        # of each memory: value, slope and curvature at the newest sample, and the sum of a block that has begun
-        self._states = np.zeros((_COUNT, 4, 3))
-        self._covariance = np.zeros((_COUNT, 3, 3))  # over the variance of a block
-        self._noise = np.zeros(_COUNT)  # variance of a block of each, as its innovations have it
-        self._blocks = np.zeros(_COUNT)  # how many there were
-        self._begun, self._taken, self._ages = np.zeros((3, _COUNT))  # of a block: begin, samples, sum of their ages
-        self._last = np.zeros((3, 3))  # a sample beside a steady memory, its step, and that step's step
-        self._swings = np.zeros(3)  # squares of late: beside a steady memory, of a step, and of a third difference
-        self.newest, self.first, self._period = -math.inf, math.inf, 0.0
-        self._chosen, self._variance = 0, np.zeros((3, 3))
+        self.state = np.zeros(1, _STATE)
+        self.state["quiet"], self.state["covariance"] = self._quiet, _BEFORE
+        self.newest, self.first = -math.inf, math.inf
         self.noise = 0.0  # standard deviation of an axis of a sample
 
     @property
@@ -62,113 +76,189 @@ class Memories:
     def add(self, stamp: float, vector: Floats, turning: Floats | None = None) -> None:
         """Take a sample (3,), newer than those before; the signal turns meanwhile by -turning (3,) [rad/s]."""
         if self.newest == -math.inf:
-            self.first = self.newest = stamp
-            self._states[:, 0] = vector
-            self._covariance[:] = _BEFORE
-            self._begun[:] = stamp
-            return
-        dt, self.newest = stamp - self.newest, stamp
-        self._period = dt if self._period == 0.0 else self._period + 0.1 * (min(dt, 2.0 * self._period) - self._period)
-        self._advance(dt, turning)
-        off = vector - self._states[_STEADY, 0]
-        step = off - self._last[0]
-        second = step - self._last[1]
-        beside = np.array([off, step, second - self._last[2]])
-        self._last = np.array([off, step, second])
-        self._swings += min(1.0, dt / _NOISE_S) * (np.sum(beside * beside, axis=1) - self._swings)
-        self._states[:, 3] += vector
-        self._ages += dt * self._taken
-        self._taken += 1.0
-        for k in np.flatnonzero(stamp - self._begun >= _BLOCKS - 0.5 * dt).tolist():
-            self._correct(k)
-        self._choose()
-
-    def _advance(self, dt: float, turning: Floats | None) -> None:
-        share = np.minimum(dt / _LENGTHS, 5.0)
-        step = np.tile(np.eye(3), (_COUNT, 1, 1))
-        step[:, 0, 1] = step[:, 1, 2] = share
-        step[:, 0, 2] = 0.5 * share * share
-        self._states[:, :3] = step @ self._states[:, :3]
-        if turning is not None:
-            self._states = self._states @ turned_back(dt * turning).T
-        self._covariance = step @ self._covariance @ step.transpose(0, 2, 1) * np.exp(share)[:, None, None]
-
-    def _correct(self, k: int) -> None:
-        """Take the block of a memory."""
-        taken = self._taken[k]
-        age = self._ages[k] / taken / _LENGTHS[k]
-        row = np.array([1.0, -age, 0.5 * age * age])
-        state, covariance = self._states[k, :3], self._covariance[k]
-        off = self._states[k, 3] / taken - row @ state
-        total = float(row @ covariance @ row) + 1.0
-        gain = covariance @ row / total
-        state += np.outer(gain, off)
-        kept = np.eye(3) - np.outer(gain, row)
-        covariance[:] = kept @ covariance @ kept.T + np.outer(gain, gain)  # Joseph's form: it stays positive
-        self._blocks[k] += 1.0
-        square = float(off @ off) / (3.0 * total)
-        if self._blocks[k] > 5.0:
-            square = min(square, _OUTLIER * self._noise[k])
-        share = max(1.0 / self._blocks[k], min(_BLOCKS[k] / _NOISE_S, _MIN_SHARE))
-        self._noise[k] += share * (square - self._noise[k])
-        self._states[k, 3], self._taken[k], self._ages[k], self._begun[k] = 0.0, 0.0, 0.0, self.newest
-
-    def _choose(self) -> None:
-        """Find the surest memory that no shorter one contradicts."""
-        lasts = np.maximum(_BLOCKS, self._period)
-        noise, least = self._noise, self._quiet
-        known = np.empty(_COUNT)
-        known[0] = last = max(float(noise[0]), least)
-        for k in range(1, _COUNT):  # means of longer blocks are no noisier than white noise would have them
-            white = last * lasts[k - 1] / lasts[k]
-            known[k] = last = white if self._blocks[k] < 8.0 else max(min(float(noise[k]), white), 1e-3 * white)
-        beside, steps, thirds = self._swings.tolist()
-        white = thirds / 20.0  # what no vibration of a few hertz makes
-        slow = (2.0 * math.pi * _VIBRATES_HZ * self._period) ** 2
-        if beside > 1.5 * white and steps - 2.0 * white > slow * (beside - white):
-            known[:_FOLLOWERS] = np.maximum(known[:_FOLLOWERS], beside)
-        # of values and slopes, with time in seconds
-        of = self._states[:, :2] / _SECONDS[:, :, None]
-        spreads = _WHITE * known[:, None] * np.diagonal(self._covariance, 0, 1, 2)[:, :2] / _SECONDS**2
-        apart, limit = of[:, None] - of[None], _CONTRADICTS * (spreads[:, None] + spreads[None])
-        contradicted = (np.einsum("ijkl,ijkl->ijk", apart, apart) > limit) & _SHORTER
-        variances = spreads[:, 0]
-        self._chosen = int(np.argmin(np.where(contradicted.any(axis=(1, 2)), np.inf, variances)))
-        self._variance = _WHITE * known[self._chosen] * self._covariance[self._chosen]
-        self.noise = math.sqrt(known[0])
+            self.first = stamp
+            self.state["states"][0, :, 0], self.state["begun"] = vector, stamp
+        else:
+            self.noise = _add(self.state, stamp - self.newest, stamp, vector, _STILL if turning is None else turning)
+        self.newest = stamp
 
     def at(self, time: float, turning: Floats | None = None) -> Floats:
         """Return value and slope (2, 3) at a time [s], followed for a while beyond the newest sample; zero before any.
 
         The slope is that beyond the turning (3,) [rad/s].
         """
-        if self.newest == -math.inf:
-            return np.zeros((2, 3))
-        t, length = self._ahead(time), _LENGTHS[self._chosen]
-        value, slope, curvature, _ = self._states[self._chosen]
-        out = np.array([value + t * (slope + 0.5 * t * curvature), (slope + t * curvature) / length])
-        return out if turning is None else out @ turned_back((time - self.newest) * turning).T
+        out = np.zeros((3, 3))
+        if self.newest > -math.inf:
+            at(self.state, time - self.newest, _STILL if turning is None else turning, out)
+        return out[:2]
 
     def deviations(self, time: float) -> tuple[float, float]:
         """Return the standard deviations of an axis of value and slope at a time [s]."""
-        t, v = self._ahead(time), self._variance
-        value = v[0, 0] + t * (2.0 * v[0, 1] + t * (v[0, 2] + v[1, 1] + t * (v[1, 2] + 0.25 * t * v[2, 2])))
-        slope = v[1, 1] + t * (2.0 * v[1, 2] + t * v[2, 2])
-        return math.sqrt(max(value, 0.0)), math.sqrt(max(slope, 0.0)) / float(_LENGTHS[self._chosen])
-
-    def _ahead(self, time: float) -> float:
-        """Return how far ahead of the newest sample a time is followed to, in lengths of the memory."""
-        length = float(_LENGTHS[self._chosen])
-        return min(time - self.newest, max(_REACH * length, _SHORTEST_REACH)) / length
+        out = np.zeros((3, 3))
+        at(self.state, time - self.newest, _STILL, out)
+        return float(out[2, 0]), float(out[2, 1])
 
 
-def turned_back(angle: Floats) -> NDArray[np.float64]:
-    """Return the matrix (3, 3) that takes a vector to axes that have turned by an angle (3,) [rad]."""
-    x, y, z = angle.tolist()
+@compiled
+def _add(memory: Any, dt: float, stamp: float, vector: Floats, turning: Floats) -> float:
+    """Take a sample (3,), dt [s] after the one before; return the noise of an axis of one."""
+    m = memory[0]
+    m.period += dt if m.period == 0.0 else 0.1 * (min(dt, 2.0 * m.period) - m.period)
+    back = np.empty((3, 3))
+    turned_back(dt * turning, back)
+    for k in range(_COUNT):
+        _advance(m.states[k], m.covariance[k], min(dt / _LENGTHS[k], 5.0), back)
+    _watch_swings(m, dt, vector)
+    for k in range(_COUNT):
+        m.states[k, 3] += vector
+        m.ages[k] += dt * m.taken[k]
+        m.taken[k] += 1.0
+        if stamp - m.begun[k] >= _BLOCKS[k] - 0.5 * dt:
+            m.blocks[k] += 1.0
+            share = max(1.0 / m.blocks[k], min(_BLOCKS[k] / _NOISE_S, _MIN_SHARE))
+            most = _OUTLIER * m.noise[k] if m.blocks[k] > 5.0 else np.inf
+            square = _correct(m.states[k], m.covariance[k], m.taken[k], m.ages[k] / m.taken[k] / _LENGTHS[k])
+            m.noise[k] += share * (min(square, most) - m.noise[k])
+            m.states[k, 3] = 0.0
+            m.taken[k], m.ages[k], m.begun[k] = 0.0, 0.0, stamp
+    known = _noises(m)
+    m.chosen = _choose(m, known)
+    m.variance[:] = _WHITE * known[m.chosen] * m.covariance[m.chosen]
+    return math.sqrt(known[0])
+
+
+@compiled
+def _advance(state: Floats, covariance: Floats, share: float, back: Floats) -> None:
+    """Follow a parabola for a share of its memory, and turn it."""
+    for i in range(3):
+        state[0, i] += share * (state[1, i] + 0.5 * share * state[2, i])
+        state[1, i] += share * state[2, i]
+    for r in range(4):
+        x, y, z = state[r]
+        for i in range(3):
+            state[r, i] = back[i, 0] * x + back[i, 1] * y + back[i, 2] * z
+    for i in range(3):  # step covariance, then that step^T
+        covariance[0, i] += share * (covariance[1, i] + 0.5 * share * covariance[2, i])
+        covariance[1, i] += share * covariance[2, i]
+    for i in range(3):
+        covariance[i, 0] += share * (covariance[i, 1] + 0.5 * share * covariance[i, 2])
+        covariance[i, 1] += share * covariance[i, 2]
+    covariance *= math.exp(share)
+
+
+@compiled
+def _correct(state: Floats, covariance: Floats, taken: float, age: float) -> float:
+    """Take a block of a memory; return the square of its innovation, over what it weighs beside a block's noise."""
+    row = np.array([1.0, -age, 0.5 * age * age])
+    gain, total, square = np.zeros(3), 1.0, 0.0
+    for i in range(3):
+        for j in range(3):
+            gain[i] += covariance[i, j] * row[j]
+        total += row[i] * gain[i]
+    kept = np.eye(3)
+    for i in range(3):
+        gain[i] /= total
+        for j in range(3):
+            kept[i, j] -= gain[i] * row[j]
+    for axis in range(3):
+        off = state[3, axis] / taken
+        for i in range(3):
+            off -= row[i] * state[i, axis]
+        square += off * off
+        for i in range(3):
+            state[i, axis] += gain[i] * off
+    before = covariance.copy()
+    for i in range(3):  # Joseph's form: it stays positive
+        for j in range(3):
+            covariance[i, j] = gain[i] * gain[j]
+            for k in range(3):
+                for n in range(3):
+                    covariance[i, j] += kept[i, k] * before[k, n] * kept[j, n]
+    return square / (3.0 * total)
+
+
+@compiled
+def _watch_swings(m: Any, dt: float, vector: Floats) -> None:
+    """Learn how much samples differ from a steady memory, and from those before."""
+    squares = np.zeros(3)
+    for i in range(3):
+        off = vector[i] - m.states[_STEADY, 0, i]
+        step = off - m.last[0, i]
+        second = step - m.last[1, i]
+        third = second - m.last[2, i]
+        m.last[0, i], m.last[1, i], m.last[2, i] = off, step, second
+        squares[0] += off * off
+        squares[1] += step * step
+        squares[2] += third * third
+    for i in range(3):
+        m.swings[i] += min(1.0, dt / _NOISE_S) * (squares[i] - m.swings[i])
+
+
+@compiled
+def _noises(m: Any) -> Floats:
+    """Return the variance of a block of each memory: means of longer ones are no noisier than white noise has them."""
+    known = np.empty(_COUNT)
+    known[0] = last = max(m.noise[0], m.quiet)
+    for k in range(1, _COUNT):
+        white = last * max(_BLOCKS[k - 1], m.period) / max(_BLOCKS[k], m.period)
+        known[k] = last = white if m.blocks[k] < 8.0 else max(min(m.noise[k], white), 1e-3 * white)
+    beside, steps, thirds = m.swings
+    white = thirds / 20.0  # what no vibration of a few hertz makes
+    slow = (2.0 * math.pi * _VIBRATES_HZ * m.period) ** 2
+    if beside > 1.5 * white and steps - 2.0 * white > slow * (beside - white):
+        for k in range(_FOLLOWERS):
+            known[k] = max(known[k], beside)
+    return known
+
+
+@compiled
+def _choose(m: Any, known: Floats) -> int:
+    """Return the surest memory that no shorter one contradicts, in its value or its slope."""
+    spreads, chosen, least = np.empty((2, _COUNT)), 0, np.inf
+    for k in range(_COUNT):
+        spreads[0, k] = _WHITE * known[k] * m.covariance[k, 0, 0]
+        spreads[1, k] = _WHITE * known[k] * m.covariance[k, 1, 1] / _LENGTHS[k] ** 2
+        agrees = True
+        for j in range(k):
+            for d in range(2):
+                apart = 0.0
+                for i in range(3):
+                    apart += (m.states[k, d, i] / _LENGTHS[k] ** d - m.states[j, d, i] / _LENGTHS[j] ** d) ** 2
+                agrees = agrees and apart <= _CONTRADICTS * (spreads[d, k] + spreads[d, j])
+        if agrees and spreads[0, k] < least:
+            chosen, least = k, spreads[0, k]
+    return chosen
+
+
+@compiled
+def at(memory: Any, age: float, turning: Floats, out: Floats) -> None:
+    """Write value and slope at an age [s], and how sure they are, (3, 3); the last row are their deviations."""
+    m = memory[0]
+    length, v = _LENGTHS[m.chosen], m.variance
+    t = min(age, max(_REACH * length, _SHORTEST_REACH)) / length
+    state, back = m.states[m.chosen], np.empty((3, 3))
+    turned_back(age * turning, back)
+    for i in range(3):
+        out[0, i] = out[1, i] = 0.0
+        for j in range(3):
+            out[0, i] += back[i, j] * (state[0, j] + t * (state[1, j] + 0.5 * t * state[2, j]))
+            out[1, i] += back[i, j] * (state[1, j] + t * state[2, j]) / length
+    value = v[0, 0] + t * (2.0 * v[0, 1] + t * (v[0, 2] + v[1, 1] + t * (v[1, 2] + 0.25 * t * v[2, 2])))
+    slope = v[1, 1] + t * (2.0 * v[1, 2] + t * v[2, 2])
+    out[2, 0], out[2, 1] = math.sqrt(max(value, 0.0)), math.sqrt(max(slope, 0.0)) / length
+
+
+@compiled
+def turned_back(angle: Floats, out: Floats) -> None:
+    """Write the matrix (3, 3) that takes a vector to axes that have turned by an angle (3,) [rad]."""
+    x, y, z = angle[0], angle[1], angle[2]
     size = math.sqrt(x * x + y * y + z * z)
     s, c = (math.sin(size) / size, (1.0 - math.cos(size)) / size**2) if size > 1e-9 else (1.0, 0.5)
-    k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(np.eye(3) - s * k + c * (k @ k))
+    out[0], out[1], out[2] = (
+        (1.0 - c * (y * y + z * z), c * x * y + s * z, c * x * z - s * y),
+        (c * x * y - s * z, 1.0 - c * (x * x + z * z), c * y * z + s * x),
+        (c * x * z + s * y, c * y * z - s * x, 1.0 - c * (x * x + y * y)),
+    )
 
 
 def lever(position: Floats, omega: Floats, alpha: Floats) -> Floats:
