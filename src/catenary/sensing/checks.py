@@ -334,18 +334,20 @@ class RateCheck:
         self._alike = 0  # samples in a row, each near the one before
         self._doubted = False
         self.believed = False  # the last one; the first few are waited for, which is no fault
+        self.leapt = False  # it is believed again after a leap, elsewhere than before
 
     def fault(self, rate: Floats, expected: Floats | None) -> Fault:
         """Return the fault of a rate (3,) [rad/s]; `expected` is the prediction by those before, None if too old."""
         self._alike = self._alike + 1 if norm(rate - self._last) <= _MAX_RATE_STEP else 0
         self._last = rate
-        self.believed = False
+        self.believed = self.leapt = False
         if norm(rate) > _MAX_RATE:
             self._alike, self._doubted = 0, True
             return Fault.RATE_TOO_FAST
         near = expected is not None and norm(rate - expected) <= _MAX_RATE_STEP
         # a few that agree with each other are believed whatever was before
         if near or self._alike >= CONFIRM:
+            self.leapt = self._doubted and not near
             self.believed, self._doubted = True, False
             return Fault.NONE
         self._doubted |= expected is not None

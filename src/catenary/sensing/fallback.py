@@ -1,8 +1,11 @@
 """The mean direction of gravity, for when it is not measured any more, and transfers without a jolt."""
 
+import math
+
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.kernels.compiled import compiled
 from catenary.spatial import LEVEL, STANDARD_GRAVITY, cross
 
 
@@ -43,32 +46,40 @@ class SmoothTransfer:
 
     def __init__(self, follow: Floats, recover: Floats) -> None:
         """Take the rates of each of the targets (k,), per second."""
-        self._follow, self._recover = follow[:, None], recover[:, None]
+        self._rates = np.array([follow, recover])
         self._offset = np.zeros((len(follow), 3))
         self._target: Floats | None = None
+        self.behind = 0.0  # how far the first output still is from its target
 
     def follow(self, targets: Floats, dt: float, *, changed: bool) -> Floats:
         """Return outputs (k, 3), dt [s] after the last; `changed` when targets come from elsewhere than before."""
         if self._target is None:
-            self._target, self._offset = targets, np.zeros_like(targets)
-        moved = targets - self._target
-        allowed = np.zeros_like(self._follow) if changed else self._follow * dt
-        self._offset -= moved * _share_beyond(allowed, moved)
-        self._offset *= _share_beyond(self._recover * dt, self._offset)
-        self._target = targets.copy()
-        return targets + self._offset
-
-    @property
-    def behind(self) -> float:
-        """How far the first output still is from its target."""
-        return float(np.linalg.norm(self._offset[0]))
+            self._target, self._offset = targets.copy(), np.zeros_like(targets)
+        out = np.empty_like(targets)
+        self.behind = _follow(self._rates, targets, dt, changed, self._target, self._offset, out)
+        return out
 
     def restart(self) -> None:
         """Take the next targets as they are."""
         self._target = None
 
 
-def _share_beyond(allowed: Floats, vectors: Floats) -> Floats:
-    """Return the share (k, 1) of each vector (k, 3) that exceeds an allowed length (k, 1)."""
-    lengths = np.sqrt(np.sum(vectors * vectors, axis=1, keepdims=True))
-    return np.maximum(0.0, 1.0 - allowed / np.maximum(lengths, 1e-300))
+@compiled
+def _follow(
+    rates: Floats, targets: Floats, dt: float, changed: bool, before: Floats, offset: Floats, out: Floats
+) -> float:
+    """Write outputs (k, 3), and what targets and offsets are; return the first one's offset."""
+    for k in range(len(targets)):
+        moved = targets[k] - before[k]
+        offset[k] -= moved * _share_beyond(0.0 if changed else rates[0, k] * dt, moved)
+        offset[k] *= _share_beyond(rates[1, k] * dt, offset[k])
+        out[k] = targets[k] + offset[k]
+        before[k] = targets[k]
+    return math.hypot(math.hypot(offset[0, 0], offset[0, 1]), offset[0, 2])
+
+
+@compiled
+def _share_beyond(allowed: float, vector: Floats) -> float:
+    """Return the share of a vector (3,) that exceeds an allowed length."""
+    length = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    return max(0.0, 1.0 - allowed / max(length, 1e-300))

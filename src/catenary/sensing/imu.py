@@ -15,7 +15,7 @@ from catenary.sensing.checks import Fault, GravityCheck, RateCheck, RawCheck, no
 from catenary.sensing.fallback import SlowAttitude, SmoothTransfer
 from catenary.sensing.fallbacks import FALLBACKS
 from catenary.sensing.gyro_prediction import PredictedGravity, RestRate
-from catenary.sensing.memories import Memories, lever
+from catenary.sensing.memories import Memories, lever, motion
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.turning import HIGH_PASS_S, TurningWatch
 from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample
@@ -42,6 +42,11 @@ _NO_TURNING = np.zeros((2, 3))
 _FORCE_FAULTS = Fault.NOT_FINITE, Fault.STUCK, Fault.SATURATED
 _RATE_FAULTS = Fault.RATE_NOT_FINITE, Fault.RATE_STUCK, Fault.RATE_SATURATED
 _DOUBT_S = 0.1  # over which a doubt goes
+# why gravity is not live, in the order of their sizes in `_judged`
+_DOUBTS = (
+    Fault.VIBRATION, Fault.UNCHECKED_TURN, Fault.NOT_FOLLOWED, Fault.RECOVERING, Fault.MAGNITUDE, Fault.SATURATED,
+    Fault.DISAGREEMENT,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -88,7 +93,10 @@ class _FaultMemory:
 
     def faults(self, time: float) -> Fault:
         """Return those of late."""
-        return reduce(or_, (fault for fault, seen in self._seen.items() if time - seen <= _FAULT_MEMORY_S), Fault.NONE)
+        if not self._seen:
+            return Fault.NONE
+        self._seen = {fault: seen for fault, seen in self._seen.items() if time - seen <= _FAULT_MEMORY_S}
+        return reduce(or_, self._seen, Fault.NONE)
 
     def silence(self, time: float, begin: float, limit: float) -> Fault:
         """Return the fault of having heard nothing for longer than a limit [s]."""
@@ -161,7 +169,7 @@ class SensedGravity:
             raise InputError(f"stuck_samples: expected 0 or more, got {stuck_samples}")
         m = self.mounting = Mounting() if mounting is None else mounting
         self.mailbox, self._angular, self._fallback, self._feed = mailbox, angular, FALLBACKS[fallback], feed
-        self._place = norm(m.position)
+        self._position, self._place = np.array(m.position), norm(m.position)
         self._force_raw = RawCheck(stuck_samples, m.acceleration_range, _FORCE_FAULTS)
         self._rate_raw = RawCheck(stuck_samples, m.rate_range, _RATE_FAULTS)
         self._check, self._rate_check = GravityCheck(base, lever=self._place, hanging=hanging), RateCheck()
@@ -175,9 +183,14 @@ class SensedGravity:
         self._believed = self._rate_heard = -math.inf  # [s] stamps of the newest reading that was believed, and rate
         self._gaps, self._sudden, self._ahead, self._doubted = 0, 0.0, 0.0, 0.0  # and [m/s2] gravity may have been off
         self._clipped = 0.0  # samples of late that were at the end of the range
+        self._at = np.zeros(
+            (2, 3, 3)
+        )  # value, slope and deviations as last read: of rates, and of gravity at the sensor
         self._held = LEVEL  # gravity as of the newest sample there was
         self._last_time, self._first_time = math.nan, math.nan
         self._said = ReadingStatus.NOMINAL
+        self._transfer.follow(self._motion(0.0, turning=False), 0.0, changed=False)  # compiles it
+        self._transfer.restart()
         self._mode: tuple[ReadingStatus, bool, int] = (ReadingStatus.NOMINAL, False, 0)
 
     def read(self, time: float) -> GravityReading:
@@ -197,20 +210,21 @@ class SensedGravity:
         changed, self._mode = mode != self._mode, mode
         dt = min(max(time - self._last_time, 0.0), 0.02)
         self._last_time = time
-        gravity, *rates = self._transfer.follow(self._target(time, status, turning), dt, changed=changed)
+        moves = self._transfer.follow(self._target(time, status, turning), dt, changed=changed)
         faults, deviation = self._memory.faults(time), math.inf
         if status in (ReadingStatus.LIVE, ReadingStatus.STALE):
             status, reason, deviation = self._judged(time, status, turning, dt)
             if self._said is ReadingStatus.NOMINAL and reason is Fault.RECOVERING:
                 status, reason, deviation = ReadingStatus.NOMINAL, Fault.NONE, math.inf  # on its way from a level base
-            faults |= reason
+            faults = faults if reason is Fault.NONE else faults | reason
         self._said = status
-        faults |= self._silences(time, status)
+        silence = self._silences(time, status)
+        faults = faults if silence is Fault.NONE else faults | silence
         ageless = status is ReadingStatus.NOMINAL or (
             status is ReadingStatus.FALLBACK and (self._fallback.gravity is None or self._believed == -math.inf)
         )
         age = math.inf if ageless else max(0.0, time - self._believed)
-        return GravityReading(gravity, age, np.array(rates), status, faults, deviation)
+        return GravityReading(moves[0], age, moves[1:], status, faults, deviation)
 
     @property
     def remedy(self) -> str:
@@ -264,7 +278,7 @@ class SensedGravity:
             self._force.clear()
         rate, swing = None, 0.0
         if self._rate_is_fresh(stamp):
-            rate, alpha = self._rates.at(stamp)
+            rate, alpha, _ = self._rates.at(stamp)
             swing = max(0.0, norm(alpha) - _NOISY_SWING)
         expected = self._force.at(stamp, rate)[0]
         if self._force.newest > -math.inf:
@@ -287,10 +301,10 @@ class SensedGravity:
             self._gaps += 1
         rate = self._rates.at(stamp)[0] if self._rate_is_fresh(stamp) else None
         self._force.add(stamp, gravity, rate)
-        value = self._force.at(stamp)[0]
+        value, _, (deviation, *_) = self._force.at(stamp)
         if rate is not None and self._rate_is_known:
-            value = value + lever(self.mounting.position, *self._rates.at(stamp))
-        return self._predicted.compare(stamp, value, self._force.deviations(stamp)[0])
+            value = value + lever(self._position, *self._rates.at(stamp)[:2])
+        return self._predicted.compare(stamp, value, deviation)
 
     def _meet_anew(self, stamp: float) -> None:
         """Meet the accelerometer anew after a disagreement."""
@@ -309,6 +323,8 @@ class SensedGravity:
         self._watch.bias = rest.bias @ self.mounting.rotation if rest.is_known else None
         self._watch.add_rate(stamp, read @ self.mounting.rotation)
         fault = self._rate_check.fault(rate, self._rates.at(stamp)[0] if self._rate_is_fresh(stamp) else None)
+        if self._rate_check.leapt:
+            self._watch.doubt()
         wrong = self._watch.found.fault
         if wrong is fault is Fault.NONE and rest.is_in_degrees:
             wrong = Fault.RATE_UNIT
@@ -359,22 +375,17 @@ class SensedGravity:
         self, time: float, status: ReadingStatus, turning: bool, dt: float
     ) -> tuple[ReadingStatus, Fault, float]:
         """Return what gravity that is measured is worth, why it is not live, and its deviation [m/s2]."""
-        deviation = self._force.deviations(time)[0]
+        deviation = float(self._at[1, 2, 0])
         lasting = math.exp(-dt / _DOUBT_S)
         self._doubted = max(self._doubt(time, turning), self._doubted * lasting)
         self._ahead = max(self._sudden, self._ahead * lasting)
-        doubts = {
-            Fault.VIBRATION: 2.0 * math.sqrt(3.0) * deviation,
-            Fault.UNCHECKED_TURN: self._doubted,
-            Fault.NOT_FOLLOWED: self._ahead,
-            Fault.RECOVERING: self._transfer.behind,
-            Fault.MAGNITUDE: self._check.length_off,
-            Fault.SATURATED: self._force.noise * min(1.0, _CLIPPED_SHARE * self._clipped),
-            Fault.DISAGREEMENT: self._predicted.apart,
-        }
-        reason, total = Fault.NONE, math.fsum(doubts.values())
+        doubts = (
+            2.0 * math.sqrt(3.0) * deviation, self._doubted, self._ahead, self._transfer.behind, self._check.length_off,
+            self._force.noise * min(1.0, _CLIPPED_SHARE * self._clipped), self._predicted.apart,
+        )  # fmt: skip
+        reason, total = Fault.NONE, sum(doubts)
         if status is ReadingStatus.LIVE and total > _LIVE_WITHIN:
-            status, reason = ReadingStatus.DEGRADED, max(doubts, key=lambda doubt: doubts[doubt])
+            status, reason = ReadingStatus.DEGRADED, _DOUBTS[doubts.index(max(doubts))]
         elif status is ReadingStatus.LIVE and self._check.last_stamp > self._believed:
             status = ReadingStatus.STALE  # the last reading was not believed
         return status, reason, total / (2.0 * math.sqrt(3.0))
@@ -398,26 +409,31 @@ class SensedGravity:
 
     def _motion(self, time: float, turning: bool) -> Floats:
         """Return gravity at the base's origin, angular velocity and acceleration at a time [s], (3, 3)."""
-        omega, alpha = self._rates.at(time) if turning else _NO_TURNING
-        gravity = self._force.at(time, omega if turning else None)[0]
-        if turning and self._place > 0.0:
-            gravity = gravity + lever(self.mounting.position, omega, alpha)
-        return np.array([gravity, omega, alpha])
+        out, force, rates = np.empty((3, 3)), self._force, self._rates
+        motion(
+            force.state, rates.state, time - force.newest, time - rates.newest, turning, self._position,
+            self._at, out,
+        )  # fmt: skip
+        return out
 
     def _doubt(self, time: float, turning: bool) -> float:
-        """Return how far gravity may be off by a turn that is not, or not yet, accounted for [m/s2]."""
+        """Return how far gravity may be off by a turn that is not, or not yet, accounted for [m/s2].
+
+        Of what `_motion` found at the same time.
+        """
         place = self._place
         if place == 0.0:
             return 0.0
         unused = 0.0
+        rates, force = self._at
         if time - self._rates.newest <= self._ages.stale_after:
-            omega, alpha = self._rates.at(time)
             if turning:
-                rate, change = self._rates.deviations(time)
-                return 4.0 * place * (math.sqrt(2.0) * change + 2.0 * norm(omega) * rate)
-            unused = norm(lever(self.mounting.position, omega, alpha))  # they may be right
+                rate, change = rates[2].tolist()[:2]
+                return 4.0 * place * (math.sqrt(2.0) * change + 2.0 * norm(rates[0]) * rate)
+            omega, alpha, _ = self._rates.at(time)
+            unused = norm(lever(self._position, omega, alpha))  # they may be right
         # what moved gravity may be the lever alone, as of a turn about the vertical, or a turn with what it does there
-        moves = max(0.0, norm(self._force.at(time)[1]) - 5.0 * self._force.deviations(time)[1])
+        moves = max(0.0, norm(force[1]) - 5.0 * float(force[2, 1]))
         own = moves / STANDARD_GRAVITY
         return max(unused, min(1.25 * _OWN_S * moves, place * (own * own + own / _BEGINNING_S)))
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled
-from catenary.spatial import cross
 
 _LENGTHS = np.array([0.012, 0.025, 0.05, 0.1, 0.25, 0.8, 2.4])  # [s] time constants of the memories
 _BLOCKS = np.maximum(_LENGTHS / 8.0, 0.0039)  # [s] of samples that each takes together, which averages vibration out
@@ -60,6 +59,10 @@ class Memories:
         """Take the least noise of a sample that may be [unit of the signal]."""
         self._quiet = quiet**2
         self.clear()
+        for k in range(2):  # compiles what a tick needs
+            self.add(float(k), np.zeros(3))
+            self.at(float(k))
+        self.clear()
 
     def clear(self) -> None:
         """Forget all samples."""
@@ -83,20 +86,32 @@ class Memories:
         self.newest = stamp
 
     def at(self, time: float, turning: Floats | None = None) -> Floats:
-        """Return value and slope (2, 3) at a time [s], followed for a while beyond the newest sample; zero before any.
+        """Return value, slope and their deviations at a time [s], followed for a while beyond the newest sample (3, 3).
 
-        The slope is that beyond the turning (3,) [rad/s].
+        All are zero before any. The slope is that beyond the turning (3,) [rad/s]; the last row are the standard
+        deviations of an axis of value and slope, and 0.
         """
         out = np.zeros((3, 3))
         if self.newest > -math.inf:
-            at(self.state, time - self.newest, _STILL if turning is None else turning, out)
-        return out[:2]
+            _at(self.state, time - self.newest, _STILL if turning is None else turning, out)
+        return out
 
-    def deviations(self, time: float) -> tuple[float, float]:
-        """Return the standard deviations of an axis of value and slope at a time [s]."""
-        out = np.zeros((3, 3))
-        at(self.state, time - self.newest, _STILL, out)
-        return float(out[2, 0]), float(out[2, 1])
+
+@compiled
+def motion(
+    force: Any, rates: Any, force_age: float, rate_age: float, turning: bool, place: Floats, at: Floats, out: Floats
+) -> None:
+    """Write gravity at the base's origin, angular velocity and acceleration at ages of the newest samples, (3, 3).
+
+    Rates count where the base is `turning`; its sensor is at a place (3,) [m]. What `Memories.at` says of the rates and
+    of gravity at the sensor comes along in `at` (2, 3, 3).
+    """
+    out[:] = 0.0
+    if turning:
+        _at(rates, rate_age, _STILL, at[0])
+        out[1:] = at[0, :2]
+    _at(force, force_age, out[1], at[1])
+    out[0] = at[1, 0] + lever(place, out[1], out[2])
 
 
 @compiled
@@ -231,7 +246,7 @@ def _choose(m: Any, known: Floats) -> int:
 
 
 @compiled
-def at(memory: Any, age: float, turning: Floats, out: Floats) -> None:
+def _at(memory: Any, age: float, turning: Floats, out: Floats) -> None:
     """Write value and slope at an age [s], and how sure they are, (3, 3); the last row are their deviations."""
     m = memory[0]
     length, v = _LENGTHS[m.chosen], m.variance
@@ -261,6 +276,15 @@ def turned_back(angle: Floats, out: Floats) -> None:
     )
 
 
-def lever(position: Floats, omega: Floats, alpha: Floats) -> Floats:
-    """Return the acceleration (3,) of a place [m] from an origin by a turn [rad/s, rad/s2]."""
-    return cross(alpha, position) + cross(omega, cross(omega, position))
+@compiled
+def lever(place: Floats, omega: Floats, alpha: Floats) -> Floats:
+    """Return alpha x p + omega x (omega x p), the acceleration (3,) of a place [m] by a turn [rad/s, rad/s2]."""
+    (x, y, z), (u, v, w), (a, b, c) = place, omega, alpha
+    along, square = u * x + v * y + w * z, u * u + v * v + w * w
+    return np.array(
+        [
+            b * z - c * y + u * along - x * square,
+            c * x - a * z + v * along - y * square,
+            a * y - b * x + w * along - z * square,
+        ]
+    )

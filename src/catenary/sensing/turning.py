@@ -34,6 +34,7 @@ _CONFIRMS, _ACCUSES = (
 )  # [nats] by which a gyroscope beats others, and by which another beats it beyond its price
 _DIFFERS = 0.35  # of the rate by which another way to read it must differ to count
 _FITS = 1.5  # times what noise and mistuning may leave, below which nothing is left to explain
+_FAR_WORSE = 25.0  # times what a gyroscope that tells nothing leaves: what is right never leaves so much
 _SHOWN_TURN = 0.1  # [rad] about the vertical by rates that nothing opposes
 
 
@@ -162,7 +163,8 @@ def compare(
     variance = _NOISE**2 + drift**2 + (0.5 * noise[0]) ** 2 + swing**2
     is_upright = all(part.is_upright for part in parts) and max(part.angle for part in parts) > _SHOWN_TURN
     left, floor, biases = _explained(parts, variance, rested=rested)
-    if left[0] < _FITS * floor[0] and (before.is_right or is_upright or (left < _FITS * floor[1]).all()):
+    fits = left[0] < min(_FITS * floor[0], _FAR_WORSE * max(left[1], floor[1]))
+    if fits and (before.is_right or is_upright or (left < _FITS * floor[1]).all()):
         return Found(is_unopposed=is_upright, bias=biases[0])
     parts = _parts(pieces, place, _MATRICES, _LATE)
     left, floor, biases = _explained(parts, variance, rested=rested)
@@ -285,6 +287,11 @@ class TurningWatch:
         self._sums = {kind: deque[tuple[float, ...]](maxlen=int(self.SPANS[-1] / _APART_S) + 1) for kind in "gw"}
         self._last: dict[str, tuple[float, Floats, Floats]] = {}  # stamp, sample and sum
         self._compared = self._right_since = -math.inf
+
+    def doubt(self) -> None:
+        """Take that rates have leapt as no base turns: what was found right before may be so no more."""
+        if self.found.fault is Fault.NONE:
+            self.found, self.may_be_used = Found(), False
 
     def _add(self, kind: str, stamp: float, vector: Floats) -> None:
         sums, before = self._sums[kind], self._last.get(kind)
