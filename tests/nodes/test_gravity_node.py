@@ -28,7 +28,8 @@ class World:
     def __init__(self, type_name=_IMU, *, mounting=None, points_down=False, arm=None, **options) -> None:
         network = LoopbackNetwork(clock=SetClock(START))
         self.sensor = Loopback("sensor", network)
-        self.node_transport, listener = Loopback("node", network), Loopback("listener", network)
+        self.node_transport = Loopback("node", network)
+        self.listener = listener = Loopback("listener", network)
         mailbox = Mailbox()
         topic = GravityTopic(self.node_transport, "/imu", type_name, mailbox, points_down=points_down)
         source = SensedGravity(mailbox, mounting, angular=type_name == _IMU, feed=topic.feed, **options)
@@ -62,6 +63,21 @@ class World:
         """The last vector and the last status."""
         message = self.vectors.take()[-1].message
         return np.array(message.vector), self.states.take()[-1].message.string
+
+
+def test_an_imu_in_the_origin_carries_the_covariance_and_a_number_the_magnitude():
+    world = World()
+    imus, lengths = (
+        world.listener.subscribe(*of) for of in (("/gravity/imu", _IMU), ("/gravity/magnitude", "std_msgs/Float64"))
+    )
+    reading = world.run(1.0, -TILTED)
+    got = [arrived.message for arrived in imus.take()]
+    first, last = got[0], got[-1]
+    assert first.linear_acceleration_covariance[0] == -1.0  # that of a level base is not measured
+    assert_allclose(last.linear_acceleration, -reading.gravity)
+    assert_allclose(np.reshape(last.linear_acceleration_covariance, (3, 3)), reading.covariance)
+    assert 0.0 < reading.covariance[0, 0] < 0.01
+    assert lengths.take()[-1].message.data == pytest.approx(9.81, abs=0.05)
 
 
 TURNED = rotation_about_z(0.5)  # R_base_imu

@@ -177,7 +177,7 @@ def test_the_first_rates_are_waited_for_without_complaint():
 
 
 def test_no_mistake_explains_gravity_that_only_turned():
-    assert explain(tilted_gravity(0.5, 0.3), LEVEL) is Fault.NONE
+    assert explain(tilted_gravity(0.5, 0.3), LEVEL)[0] is Fault.NONE
 
 
 @pytest.mark.parametrize("fault", list(Fault))

@@ -4,6 +4,10 @@ import numpy as np
 import pytest
 
 from benchmarks.shaken_base import ROWS, sensed
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.mounting import Mounting
+from catenary.sensing.vector import Kind, Mailbox
+from oracles.shaken_imu import Shaken, X, Y, rock
 
 
 @pytest.mark.parametrize(
@@ -29,3 +33,39 @@ def test_an_accelerometer_that_creeps_beside_a_gyroscope_at_rest_is_told_with_it
     assert np.sum(live & (off > 0.3)) * 0.005 < 2.0  # it begins slowly
     assert {(r.status.value, r.faults.names) for r in readings[-1000:]} == {("degraded", ("disagreement",))}
     assert 2.0 * np.sqrt(3.0) * readings[-1].deviation == pytest.approx(off[-1], rel=0.25)
+
+
+ROCKING, TILTED = ((X, rock(10.0, 0.3)),), ((X, lambda t: 0.3 + 0.0 * t), (Y, lambda t: 0.2 + 0.0 * t))
+FAR = (0.1, 0.0, 0.3)
+SCALE, SWAP, FLIP = 1.1 * np.eye(3), np.eye(3)[[1, 0, 2]], np.diag([1.0, -1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("turns", "place", "accelerometer", "gyroscope", "within"),
+    [
+        (ROCKING, (0.0, 0.0, 0.0), SWAP, np.eye(3), 0.7), (ROCKING, FAR, SWAP, np.eye(3), 0.5),
+        (ROCKING, (0.0, 0.0, 0.0), FLIP, np.eye(3), 0.3), (ROCKING, FAR, FLIP, np.eye(3), 0.5),
+        ((), (0.0, 0.0, 0.0), SCALE, np.eye(3), 6.0), (ROCKING, (0.0, 0.0, 0.0), SCALE, np.eye(3), 6.0),
+        (TILTED, (0.0, 0.0, 0.0), np.diag([0.0, 1.0, 1.0]), np.eye(3), 1.3),
+        (ROCKING, FAR, np.eye(3), np.degrees(np.eye(3)), 0.1),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_sensor_that_changes_on_the_way_is_told_and_hardly_ever_live_and_wrong(
+    turns, place, accelerometer, gyroscope, within, seed
+):
+    t, true, force, rates = Shaken(turns, place=place).samples(20.0, seed)
+    force[t >= 8.0] = force[t >= 8.0] @ accelerometer.T
+    rates[t >= 8.0] = rates[t >= 8.0] @ gyroscope.T
+    mailbox, readings = Mailbox(), []
+    source = SensedGravity(mailbox, Mounting(position=np.array(place)))
+    for now, f, w in zip(t.tolist(), force, rates, strict=True):
+        mailbox.put(now, w, Kind.ANGULAR_RATE)
+        mailbox.put(now, f, Kind.SPECIFIC_FORCE)
+        readings.append(source.read(now))
+    off = np.linalg.norm(np.array([r.gravity for r in readings]) - true, axis=1)
+    live = np.array([r.status.value == "live" for r in readings])
+    named = t[np.array([bool(r.faults) for r in readings]) & (t >= 8.0)]
+    assert named[0] < 8.1
+    assert np.sum(live & (off > 0.3) & (t > 2.0)) * 0.005 < within
+    assert off[t > 2.0].max() < 6.0

@@ -27,6 +27,7 @@ TOPIC = "/gravity"
 _STATUS_EVERY_S = 1.0  # [s]; and whenever it changes
 # [s], [m/s2]: a program of set_gravity for a Universal Robot at most so often, and when gravity has moved by so much
 _SCRIPT_EVERY_S, _SCRIPT_CHANGE = 0.5, 0.1
+_NOT_MEASURED = [-1.0] + 8 * [0.0]  # a covariance that says so, of sensor_msgs/Imu
 _JOINTS_HELD_S = 0.1  # [s] for which joints' positions count
 _STRIPPED_HINT = (
     "known to do so: a BNO055's LIA registers, dmpGetLinearAccel of MPU-6050 libraries, Xsens' "
@@ -84,8 +85,9 @@ class GravityNode:
     sensor_msgs/JointState [Nm|N] that holds the arm still on the base as it is, less what does on a level one, while
     gravity is live and the joints are known. The turning of the base counts.
 
-    The status is text: live, nominal, stale or fallback, then the faults' names. Of a source that says
-    `stop`, no vector is published.
+    `gravity/imu` is what an inertial unit in the base's origin reads, with the covariance of its specific force, and
+    `gravity/magnitude` gravity's length [m/s2]. The status is text: live, degraded, nominal, stale or fallback, then
+    the faults' names. Of a source that says `stop`, only the status is published.
     """
 
     def __init__(
@@ -109,6 +111,8 @@ class GravityNode:
         self.frame_id = source.mounting.base if frame_id is None else frame_id
         self.tally, self.published = GravityTally(), 0
         self._vector = transport.publisher(topic, "geometry_msgs/Vector3Stamped")
+        self._imu = transport.publisher(f"{topic}/imu", "sensor_msgs/Imu")
+        self._magnitude = transport.publisher(f"{topic}/magnitude", "std_msgs/Float64")
         self._status = transport.publisher(f"{topic}/status", "crtk_msgs/StringStamped", latch=True)
         self._script = None if urscript is None else transport.publisher(urscript, "std_msgs/String")
         if urscript is not None:
@@ -129,10 +133,20 @@ class GravityNode:
         reading = self._reading = self.source.read(time)
         self.tally.add(reading)
         if reading.status is not ReadingStatus.STOP:
-            x, y, z = reading.gravity.tolist()
-            vector = message_class("geometry_msgs/Vector3")(x, y, z)
-            head = header(stamp, self.frame_id)
-            self._vector.publish(message_class("geometry_msgs/Vector3Stamped")(head, vector))
+            head, xyz = header(stamp, self.frame_id), message_class("geometry_msgs/Vector3")
+            gravity = xyz(*reading.gravity.tolist())
+            self._vector.publish(message_class("geometry_msgs/Vector3Stamped")(head, gravity))
+            self._imu.publish(
+                message_class("sensor_msgs/Imu")(
+                    head,
+                    orientation_covariance=_NOT_MEASURED,
+                    angular_velocity=xyz(*reading.base_rates[0].tolist()),
+                    linear_acceleration=xyz(*(-reading.gravity).tolist()),
+                    linear_acceleration_covariance=_NOT_MEASURED if math.isinf(reading.deviation)
+                    else reading.covariance.ravel().tolist(),
+                )
+            )  # fmt: skip
+            self._magnitude.publish(message_class("std_msgs/Float64")(float(np.linalg.norm(reading.gravity))))
             self.published += 1
         if self._script is not None and reading.status is ReadingStatus.LIVE:
             self._tell_robot(self._script, reading, time)

@@ -24,8 +24,12 @@ _CALIBRATION = 0.8  # [m/s2] by which a cheap sensor's length is off: 80 mg on i
 _SLOW_LEFT = 0.5  # [m/s2] of slow accelerations that may be left in the mean
 _MAX_ACCELERATION = 7.0  # [m/s2] of a base, beyond vibration: a length is gravity's, give or take it
 _MINUTE_S = 60.0  # [s] over which the accelerations of every base average out
+_EVEN, _SMOOTH_S = 0.06, 0.3  # [m/s2] to which a length is even, smoothed over so long [s]
+# [s] for which no base accelerates evenly, and one that heaves slowly; by more than what may be live
+_EVEN_S, _EVEN_SLOW_S, _OFF = 2.5, 10.0, 0.3
 _REST_SPREAD = 0.3  # [m/s2] standard deviation at rest, of the three axes together, at most
 _ROUGH_SIGMAS = 4.0  # standard deviations of vibration and noise that a step may have
+_AS_IT_IS = np.eye(3)
 _ORDERS = [np.array(p) for p in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))]
 
 
@@ -155,13 +159,14 @@ class GravityCheck:
         """Forget all readings."""
         self.reference: Floats | None = None  # gravity as last believed, turned along with the gyroscope
         self._last, self.last_stamp = np.zeros(3), -math.inf
-        self._bad, self._good, self._fault = 0, 0, Fault.NONE
+        self._bad, self._good, self._fault, self._mistake = 0, 0, Fault.NONE, _AS_IT_IS
         self._bad_since = self._jump_since = math.inf
         self._impossible = False
         self.doubted_until = -math.inf  # [s] by a disagreement, whose end may be a jump
         self.mean, self._variance, self._rough = np.zeros(3), 0.0, 0.0  # of readings of late; an axis's step, squared
         self._lengths, self._mean_since, self._begun = np.zeros(2), math.inf, math.inf  # in the mean, short and long
         self._leapt_at, self._leapt_from = math.inf, 0.0  # [s] when the length last was another at once, and which
+        self._length, self._even, self._even_since = STANDARD_GRAVITY, 0.0, math.inf  # smoothed; where and since when
         self._outwards = 0.0  # [m/s2] that turning may make of a length
         self.steady_since = math.inf
 
@@ -179,7 +184,10 @@ class GravityCheck:
 
     @property
     def length_off(self) -> float:
-        """How much longer or shorter than gravity readings are over a minute, where no base moves so [m/s2]."""
+        """How much longer or shorter than gravity readings are, evenly or over a minute, as no base moves [m/s2]."""
+        steadily = abs(self._length - STANDARD_GRAVITY) - self._outwards
+        if self.last_stamp - self._even_since > (_EVEN_S if self._base.slow_acceleration == 0.0 else _EVEN_SLOW_S):
+            return steadily if steadily > _OFF else 0.0
         off = abs(self._lengths[1] - STANDARD_GRAVITY)
         is_sure = self.last_stamp - self._mean_since > _MINUTE_S
         return off if is_sure and off > self._tolerance + self._outwards else 0.0
@@ -205,6 +213,9 @@ class GravityCheck:
             return self._begin(stamp, gravity, dt, step, limit)
         outwards = 0.0 if rate is None else self._lever * (float(rate @ rate) + swing)
         self._outwards = max(outwards, self._outwards * math.exp(-dt / self._base.mean_time))
+        self._length += min(1.0, dt / _SMOOTH_S) * (norm(expected) - self._length)
+        if abs(self._length - self._even) > _EVEN:
+            self._even, self._even_since = self._length, stamp
         fault = self._length_fault(length, expected)
         is_back = abs(self._lengths[0] - self._leapt_from) < 0.5 * limit + self._base.slow_acceleration
         if is_back or stamp - self._leapt_at > _TRUST_AGAIN_S:
@@ -225,7 +236,7 @@ class GravityCheck:
             moved_on = min(self._base.slow_acceleration, self._base.slow_jerk * (stamp - self._bad_since))
             if fault is Fault.NONE and self._bad > self.FEW:
                 self._roughen(dt, step, limit)
-        if fault is Fault.NONE and off <= max_step + moved_on:
+        if fault is Fault.NONE and off <= max_step + moved_on and not self._may_be_mistaken(gravity, max_step):
             self._good += 1
             if self._bad > self.FEW and self._good < CONFIRM:
                 return self._fault  # one good sample may be luck
@@ -240,7 +251,14 @@ class GravityCheck:
         self._good = 0
         # a mistake shows at once: where gravity is like it later, the base has turned so meanwhile
         if fault is Fault.NONE and (self._bad <= self.FEW or self._fault in (Fault.WRONG_SIGN, Fault.AXES_SWAPPED)):
-            fault = explain(gravity, wanted)
+            found, mend = explain(gravity, wanted)
+            if found is not Fault.NONE:
+                fault, self._mistake = found, mend
+            elif (
+                self._mistake is not _AS_IT_IS
+                and norm(self._mistake @ gravity - wanted) <= norm(gravity - wanted) + max_step
+            ):
+                fault = self._fault
         if self._bad == 1:
             self._bad_since = stamp
             self._impossible = fault is Fault.NONE and dt < self.GAP and stamp > self.doubted_until
@@ -258,8 +276,14 @@ class GravityCheck:
         self._fault = fault
         return fault
 
+    def _may_be_mistaken(self, gravity: Floats, limit: float) -> bool:
+        """Whether a mistake that was found leaves a reading as it is: it does not show then whether it has gone."""
+        return (
+            self._bad > self.FEW and norm(self._mistake @ gravity - gravity) < limit and self._mistake is not _AS_IT_IS
+        )
+
     def _believe(self, gravity: Floats) -> Fault:
-        self._bad, self._jump_since = 0, math.inf
+        self._bad, self._jump_since, self._mistake = 0, math.inf, _AS_IT_IS
         self.reference = gravity
         return Fault.NONE
 
@@ -354,14 +378,19 @@ class RateCheck:
         return Fault.RATE_SPIKE if self._doubted else Fault.NONE
 
 
-def explain(gravity: Floats, wanted: Floats) -> Fault:
-    """Return the mistake of a sensor that brings the reading five times nearer to what was expected, NONE if none."""
-    off = norm(gravity - wanted)
-    if 5.0 * norm(gravity + wanted) < off:
-        return Fault.WRONG_SIGN
-    a, b = np.abs(gravity), np.abs(wanted)
-    # magnitudes agree in some order: each axis holds another one's number, or the wrong sign of it
-    return Fault.AXES_SWAPPED if any(5.0 * norm(a[order] - b) < off for order in _ORDERS) else Fault.NONE
+def explain(gravity: Floats, wanted: Floats) -> tuple[Fault, Floats]:
+    """Return the mistake of a sensor that brings a reading five times nearer to what was expected, and what mends it.
+
+    NONE and the identity (3, 3) if there is none.
+    """
+    off = 0.2 * norm(gravity - wanted)
+    if norm(gravity + wanted) < off:
+        return Fault.WRONG_SIGN, -_AS_IT_IS
+    for order in _ORDERS:  # each axis holds another one's number, or the wrong sign of it
+        mended = np.sign(gravity[order] * wanted)[:, None] * _AS_IT_IS[order]
+        if norm(mended @ gravity - wanted) < off:
+            return Fault.AXES_SWAPPED, mended
+    return Fault.NONE, _AS_IT_IS
 
 
 def norm(v: Floats) -> float:

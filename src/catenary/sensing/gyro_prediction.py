@@ -127,8 +127,8 @@ class PredictedGravity:
 
     def compare(self, stamp: float, gravity: Floats, deviation: float) -> bool:
         """Take gravity (3,) [m/s2] as filtered, and its deviation; return whether the sensors come apart."""
-        dt, self._stamp = stamp - self._stamp, stamp
-        if self._gravity is None or not 0.0 < dt < GravityCheck.REST:
+        dt, self._stamp = min(stamp - self._stamp, GravityCheck.REST), stamp
+        if self._gravity is None:
             # without rates nothing is predicted
             self._gravity = gravity if stamp - self._rate_stamp < GravityCheck.GAP else None
             self._off, self._speed, self._length, self._began = np.zeros(3), np.zeros(3), norm(gravity), stamp
@@ -158,7 +158,9 @@ class PredictedGravity:
             self._speed += dt * apart / size * self._off
         # once they disagreed, they are held to half as much
         limit = (0.5 * self._push if self.disagrees else self._push) + 3.0 * math.sqrt(self._lively)
-        if judged and (apart > limit or norm(self._speed) > limit * self.PUSH_S):
+        if self._before is not None and norm(now - self._before) < 0.5 * self._push + known < apart + known:
+            self._gravity, self._off, self._speed = now, np.zeros(3), np.zeros(3)  # it is back
+        elif judged and (apart > limit or norm(self._speed) > limit * self.PUSH_S):
             self._before = self._gravity if self._before is None else self._before
             self.disagrees, self._disagree_since = True, stamp
             self._gravity, self._off, self._speed = now, np.zeros(3), np.zeros(3)

@@ -182,6 +182,8 @@ class SensedGravity:
         self._memory = _FaultMemory()
         self._believed = self._rate_heard = -math.inf  # [s] stamps of the newest reading that was believed, and rate
         self._gaps, self._sudden, self._ahead, self._doubted = 0, 0.0, 0.0, 0.0  # and [m/s2] gravity may have been off
+        self._drift = _NO_TURNING[0]  # (3,) [rad/s] of the rates that are used, as turns show it
+        self._mistaken = 0.0  # [m/s2] that gravity is off if the accelerometer's axes have changed
         self._clipped = 0.0  # samples of late that were at the end of the range
         self._at = np.zeros(
             (2, 3, 3)
@@ -283,13 +285,13 @@ class SensedGravity:
         expected = self._force.at(stamp, rate)[0]
         if self._force.newest > -math.inf:
             self._sudden = max(0.0, norm(gravity - expected) - _SUDDEN - 3.0 * self._force.noise)
-        fault = check.fault(stamp, gravity, expected, rate, swing)
+        fault = check.fault(stamp, gravity, expected, None if rate is None else rate - self._drift, swing)
         if fault is not Fault.NONE or check.reference is None:
             return fault
         self._watch.add_gravity(stamp, in_sensor, (self._force.noise, self._rates.noise))
         if self._follows(stamp, gravity):
             return Fault.DISAGREEMENT
-        self._believed = stamp
+        self._believed, self._mistaken = stamp, self._watch.mistaken(in_sensor)
         self._held = self._motion(stamp, self._rate_is_known and self._rate_is_fresh(stamp))[0]
         self._attitude.add(stamp, self._held)
         return Fault.MAGNITUDE if check.is_long else Fault.NONE
@@ -319,6 +321,9 @@ class SensedGravity:
         read = self.mounting.rate(np.array(vector))
         steady = check.is_steady and stamp - check.last_stamp < 2.0 * GravityCheck.GAP
         rest.add(stamp, read, check.mean if steady else None)
+        fitted = self._watch.fitted_bias
+        fitted = None if fitted is None else self.mounting.rotation @ fitted
+        self._drift = _NO_TURNING[0] if rest.is_known or fitted is None else fitted
         rate = read - rest.bias
         self._watch.bias = rest.bias @ self.mounting.rotation if rest.is_known else None
         self._watch.add_rate(stamp, read @ self.mounting.rotation)
@@ -338,7 +343,7 @@ class SensedGravity:
         if fault is Fault.RATE_TOO_FAST:
             self._predicted.forget()  # whatever it is, it does not say that the base stands still
         elif fault in (Fault.NONE, Fault.RATE_SPIKE):  # nor does a base say so that begins to turn at once
-            self._predicted.turn(stamp, read, rest.bias if rest.is_known else None, self._watch.fitted_bias)
+            self._predicted.turn(stamp, read, rest.bias if rest.is_known else None, fitted)
         if fault is not Fault.NONE or not self._rate_check.believed:
             return fault
         if self._predicted.disagrees:
@@ -381,7 +386,7 @@ class SensedGravity:
         self._ahead = max(self._sudden, self._ahead * lasting)
         doubts = (
             2.0 * math.sqrt(3.0) * deviation, self._doubted, self._ahead, self._transfer.behind, self._check.length_off,
-            self._force.noise * min(1.0, _CLIPPED_SHARE * self._clipped), self._predicted.apart,
+            self._force.noise * min(1.0, _CLIPPED_SHARE * self._clipped), max(self._predicted.apart, self._mistaken),
         )  # fmt: skip
         reason, total = Fault.NONE, sum(doubts)
         if status is ReadingStatus.LIVE and total > _LIVE_WITHIN:

@@ -91,9 +91,8 @@ class Memories:
         All are zero before any. The slope is that beyond the turning (3,) [rad/s]; the last row are the standard
         deviations of an axis of value and slope, and 0.
         """
-        out = np.zeros((3, 3))
-        if self.newest > -math.inf:
-            _at(self.state, time - self.newest, _STILL if turning is None else turning, out)
+        out = np.empty((3, 3))
+        _at(self.state, time - self.newest, _STILL if turning is None else turning, out)
         return out
 
 
@@ -248,13 +247,15 @@ def _choose(m: Any, known: Floats) -> int:
 @compiled
 def _at(memory: Any, age: float, turning: Floats, out: Floats) -> None:
     """Write value and slope at an age [s], and how sure they are, (3, 3); the last row are their deviations."""
+    out[:] = 0.0
+    if age == np.inf:  # there is no sample
+        return
     m = memory[0]
     length, v = _LENGTHS[m.chosen], m.variance
     t = min(age, max(_REACH * length, _SHORTEST_REACH)) / length
     state, back = m.states[m.chosen], np.empty((3, 3))
     turned_back(age * turning, back)
     for i in range(3):
-        out[0, i] = out[1, i] = 0.0
         for j in range(3):
             out[0, i] += back[i, j] * (state[0, j] + t * (state[1, j] + 0.5 * t * state[2, j]))
             out[1, i] += back[i, j] * (state[1, j] + t * state[2, j]) / length

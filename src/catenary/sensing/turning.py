@@ -109,6 +109,7 @@ class Found(NamedTuple):
     remedy: str = ""  # what mends it, in words
     ways: tuple[int, ...] = ()  # of all to read it, those that mend it about as well
     bias: Floats | None = None  # (3,) [rad/s] of the gyroscope as it is
+    matrix: Floats | None = None  # (3, 3) by which its rates, or the accelerometer's readings, are in other axes
 
 
 class SensedTurn(NamedTuple):
@@ -178,7 +179,7 @@ def compare(
             refined = _parts(pieces, place, near, np.zeros(31))
             way = Way(near[int(np.argmin(_explained(refined, variance, rested=rested)[0]))])
         alike = [k for k, (other, _) in enumerate(_WAYS) if other is record and gains[k] > gains[best] - _CONFIRMS]
-        return Found(record.fault, remedy=record.remedy(way), ways=tuple(alike))
+        return Found(record.fault, remedy=record.remedy(way), ways=tuple(alike), matrix=way.matrix)
     counts = np.sum([part.differs for part in parts], axis=0) > _DIFFERS**2 * len(parts)
     rivals = gains - _BELIEF * _PRICES
     is_right = counts.any() and (rivals[counts] < -_CONFIRMS).all()
@@ -283,10 +284,24 @@ class TurningWatch:
         self._place, self._drift = place, drift
         self.found, self.may_be_used = Found(is_right=checked), checked
         self.fitted_bias: Floats | None = None  # (3,) [rad/s] in turns, of late
+        self._was_right = checked
         self.bias: Floats | None = None  # (3,) of the gyroscope [rad/s], once it was seen at rest
         self._sums = {kind: deque[tuple[float, ...]](maxlen=int(self.SPANS[-1] / _APART_S) + 1) for kind in "gw"}
         self._last: dict[str, tuple[float, Floats, Floats]] = {}  # stamp, sample and sum
         self._compared = self._right_since = -math.inf
+
+    def mistaken(self, gravity: Floats) -> float:
+        """Return how far gravity (3,) is off if the accelerometer's axes have changed, and not the gyroscope's [m/s2].
+
+        Of one that was never found right the accelerometer, which knows down, is believed.
+        """
+        if (
+            not self._was_right
+            or self.found.matrix is None
+            or self.found.fault not in (Fault.RATE_SIGN, Fault.RATE_AXES)
+        ):
+            return 0.0
+        return float(np.linalg.norm(gravity - gravity @ self.found.matrix))
 
     def doubt(self) -> None:
         """Take that rates have leapt as no base turns: what was found right before may be so no more."""
@@ -332,7 +347,7 @@ class TurningWatch:
             if found.is_right:
                 if self.found.fault is not Fault.NONE:
                     self._right_since = begin  # what was before is of a gyroscope that was wrong
-                self.found, self.may_be_used = found, True
+                self.found, self.may_be_used, self._was_right = found, True, True
             elif found.fault is not Fault.NONE:
                 self.found, self.may_be_used = found, False
                 return
