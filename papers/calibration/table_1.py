@@ -15,12 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from catenary import MotionLog
 from catenary.arrays import Floats
 from catenary.trajectories.zigzag import DIRECTIONS, Direction
-from papers.calibration import recordings
+from papers.calibration import authors, recordings
 from papers.calibration.judging import CLEARLY, by_joint, less
 from papers.calibration.published import TABLE_1
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
 from papers.figures import METHOD_COLORS, legend_below, panels
 from papers.kit import IN_UNITS, JOINTS, by_count, grid, joint_tables, rows, sample
 
@@ -35,22 +36,33 @@ MOST_REMOVED, LEAST_REMOVED = 0.76, 0.649
 
 @run(revision=2)
 def direction_errors(
-    seed: int | None, direction: Direction, networks: Sequence[int], sparsities: Sequence[float], test_seconds: float
+    seed: Robot, direction: Direction, networks: Sequence[int], sparsities: Sequence[float], test_seconds: float
 ) -> Result:
     """Train every method along one direction and test it; return its RMSE on J1 [deg], J2 [deg], J3 [mm]."""
-    plant = recordings.homed(seed)
-    number = DIRECTIONS.index(direction)
-    train = recordings.calibration_log(plant, recordings.draws(seed, number, 0), direction, sparsities)
-    test = recordings.random_log(plant, recordings.draws(seed, number, 1), test_seconds)
+    train, test = _recorded(seed, direction, sparsities, test_seconds)
     reached: dict[str, list[float]] = {}
     for name, options in recordings.METHODS.items():
         seeds = {recordings.NETWORK: networks, recordings.LEARNER: networks[:1]}.get(name, (0,))
-        models = [recordings.fitted([train], replace(options, seed=network)) for network in seeds]
+        models = [recordings.fitted(train, replace(options, seed=network)) for network in seeds]
         asked = models if name == recordings.LEARNER else [recordings.unguarded(model) for model in models]
         reached[name] = recordings.mean([recordings.rmse(model, recordings.rows_of(model, test)) for model in asked])
         if name == "linear":
             reached |= recordings.baselines(models[0], recordings.rows_of(models[0], test))
     return reached
+
+
+def _recorded(
+    seed: Robot, direction: Direction, sparsities: Sequence[float], test_seconds: float
+) -> tuple[list[MotionLog], MotionLog]:
+    """Return zig-zags of a direction and the motion that tests it."""
+    if isinstance(seed, str):
+        found, test = next(authors.tested(seed, direction))
+        return [
+            authors.read(paths[0]) for n, paths in found.of(direction).items() if 1 / n in sparsities
+        ], authors.read(test)
+    plant, number = recordings.homed(seed), DIRECTIONS.index(direction)
+    train = recordings.calibration_log(plant, recordings.draws(seed, number, 0), direction, sparsities)
+    return [train], recordings.random_log(plant, recordings.draws(seed, number, 1), test_seconds)
 
 
 def cases(scope: Scope) -> list[Case]:
