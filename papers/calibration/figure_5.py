@@ -28,6 +28,7 @@ from papers.calibration.recordings import METHODS, NETWORK, SETS, baselines, fit
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
 from papers.figures import METHOD_COLORS, legend_below, panels
 from papers.kit import IN_UNITS, by_count, graded, grid, sample, told
+from papers.plant.targets import fitted_to
 
 RECORDINGS = {"1/2": 5, "1/3": 5, "1/4": 5, "1/5": 3, "1/6": 3}
 MODELS = (NETWORK, "polynomial", "linear")
@@ -365,6 +366,7 @@ def _joint_2(o: Outcomes) -> Judgement:
     "0.302 deg at the longest",
     "its standard deviation over recordings is the largest at more than half of the sparsities, and its error at the "
     "longest at least both others', mean over robots; same direction cannot be",
+    fitted=fitted_to("polynomial", "figure 5, longest"),
 )
 def _joint_2_polynomial(o: Outcomes) -> Judgement:
     spread = {m: np.array([deviations(o, name, m).mean(axis=0)[1] for name in SETS]) for m in MODELS}
