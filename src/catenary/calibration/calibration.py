@@ -27,6 +27,7 @@ from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.model_file import load_model as read_model
 from catenary.calibration.model_file import save_model
 from catenary.calibration.model_kinds import LEARNED
+from catenary.calibration.own_model import Estimator, Function, Named, chosen
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog, nameless
@@ -144,9 +145,18 @@ class Calibration(CalibrationModel):
         save_model(self, self.card, Path(path))
 
 
-def load_model(path: str | Path) -> Calibration:
-    """Read a calibration model that `Calibration.save` or `catenary fit` wrote; FileFormatError if it is none."""
-    model, card = read_model(Path(path))
+def load_model(path: str | Path, *, own: Named | Sequence[Named] | None = None) -> Calibration:
+    """Read a calibration model that `Calibration.save` or `catenary fit` wrote.
+
+    Args:
+        own: Of a model of your own its class or function, or "module:name" of it; several where it is made of several.
+            Without it the model tells its card, and runs nowhere.
+
+    Raises:
+        FileFormatError: It is no calibration model.
+        InputError: It is of another class, or holds types of packages whose classes are not named.
+    """
+    model, card = read_model(Path(path), own)
     return _with_card(model, card)
 
 
@@ -156,7 +166,7 @@ def fit(
     *,
     units: Sequence[str] | None = None,
     joint_names: Sequence[str] | None = None,
-    model: str = LEARNED,
+    model: str | Estimator | Function = LEARNED,
     preset: str | None = None,
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None,
     play: Sequence[float] | None = None,
@@ -180,11 +190,14 @@ def fit(
         q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
         units: "rad" or "m" per joint; needed for arrays.
         joint_names: Names of the joints; J1, J2, ... when None.
-        model: "learned", or one of the papers': "offset", "linear", "polynomial" or "neural".
+        model: "learned", or one of the papers': "offset", "linear", "polynomial" or "neural". Or your own: an estimator
+            with scikit-learn's fit, predict and get_params, of which clones are fitted, or a function from features
+            (N, F), positions and torques unless `inputs` says so, to what `target` says (N, n) [rad|m].
         preset: For "neural": "paper".
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None
-            (for "learned" those of its joints alone).
-        play: Half-widths of play states as shares of each joint's range; see FitOptions.
+            (for "learned" and your own those of its joints alone).
+        play: Half-widths of play states as shares of each joint's range; see FitOptions. An estimator of your own takes
+            the features of "learned"; with () what is recorded alone.
         target: "error", or "position" for a model end to end.
         ridge: Weight on the squared coefficients of a regression.
         max_error: Leave out rows with larger errors, per joint in deg and mm.
@@ -207,7 +220,8 @@ def fit(
     logs = _logs(q_nominal, joint_names, units, q_encoder, **arrays)
     shares, limits = (None if each is None else tuple(each) for each in (play, max_error))
     pair = None if coupled is None else tuple(coupled)
-    options = FitOptions(model, preset, inputs, shares, target, ridge, seed, pair)
+    kind, estimator = chosen(model)
+    options = FitOptions(kind, preset, inputs, shares, target, ridge, seed, pair, estimator=estimator)
     run = FitRun(robot, limits, held_out, folds, tuple(accept), coverage)
     result = fit_logs(logs, options, run, progress=progress)
     return _with_card(result.model, result.card)
@@ -236,7 +250,7 @@ def check_data(
 
 
 def evaluate(
-    model: Calibration | str | Path,
+    model: Calibration | str | Path | Function,
     q_nominal: Motion,
     q_encoder: ArrayLike | None = None,
     *,
@@ -244,7 +258,14 @@ def evaluate(
     accept: Sequence[str] = (),
     **arrays: Unpack[MotionArrays],
 ) -> Evaluation:
-    """Return a model's errors on data that it should not have seen: `Calibration.evaluate`, also of a model's file."""
+    """Return a model's errors on data that it should not have seen: `Calibration.evaluate`, also of a model's file.
+
+    A function of your own, as `fit` takes it, is evaluated on recordings, beside their own fixed offset.
+    """
+    if not isinstance(model, Calibration | str | Path):
+        if hasattr(model, "fit"):
+            raise InputError("model: an estimator is fitted first: catenary.fit(recordings, model=estimator)")
+        model = fit(q_nominal, q_encoder, model=model, folds=0, accept=accept, **arrays)
     loaded = model if isinstance(model, Calibration) else load_model(model)
     return loaded.evaluate(q_nominal, q_encoder, window=window, accept=accept, **arrays)
 

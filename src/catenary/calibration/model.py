@@ -10,7 +10,7 @@ from pydantic import Field
 from catenary.arrays import Flags, Floats, as_array
 from catenary.calibration.features import FeatureSet, Many, Memory
 from catenary.calibration.intervals import Intervals, widen
-from catenary.calibration.model_kinds import LEARNED
+from catenary.calibration.model_kinds import MODEL_KINDS
 from catenary.calibration.predictors import AnyPredictor
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import ValidRange, choose
@@ -184,7 +184,7 @@ class CalibrationModel:
         lower, upper = np.outer((-ANY_SIZE, ANY_SIZE), np.ones(n)) if self.limits is None else self.limits
         believed = (MAX_CORRECTION_RATIO * self.largest, lower - self.largest, upper + self.largest)
         adjustment = np.vstack([np.full((1, n), float(self.target == "position")), self.adjusted])
-        fades = self.kind == LEARNED
+        fades = self.kind in MODEL_KINDS and MODEL_KINDS[self.kind].fades
         for group in self.groups:
             joints, leverage = np.array(group.joints, dtype=np.int64), group.predictor.leverage
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))

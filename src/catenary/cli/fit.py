@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from catenary.workflows.calibration_model import HeldAgainst
 
 _MAX_SEED = 2**32 - 1  # that scikit-learn takes
+OWN_CLASS = option("MODULE:NAME", "Class or function of a model of your own; others that it is made of after a comma.")
 ROBOT_OF_DATA = option("ROBOT", "Catalogue name or file of the robot: joint names and units.")
 
 
@@ -78,9 +79,11 @@ class ModelOptions:
     def options(self, seed: int) -> "FitOptions":
         """Return the options of the model, its training by this seed."""
         from catenary.calibration.fit_options import FitOptions
+        from catenary.calibration.own_model import chosen
 
-        names = ("kind", "preset", "inputs", "play", "target", "ridge", "coupled")
-        return FitOptions(seed=seed, **values_of(self, *names))
+        names = ("preset", "inputs", "play", "target", "ridge", "coupled")
+        kind, estimator = chosen(self.kind)
+        return FitOptions(kind, seed=seed, estimator=estimator, **values_of(self, *names))
 
     def run(self, accept: Sequence[str], robot: str | None = None) -> "FitRun":
         """Return the options that do not belong to the model."""
@@ -133,12 +136,15 @@ class HeldModel(ModelRecordingOptions):
     max_error: Numbers | None = MAX_ERROR
     accept: Sequence[str] = ACCEPT
     report: Path | None = REPORT
+    own: str | None = OWN_CLASS
 
     def against(self) -> "HeldAgainst":
         """Read both."""
         from catenary.workflows.calibration_model import held_against
 
-        return held_against(self.model, self.data, self.reading(), accept=self.accept, max_error=self.max_error)
+        return held_against(
+            self.model, self.data, self.reading(), accept=self.accept, max_error=self.max_error, own=self.own
+        )
 
 
 def evaluate(

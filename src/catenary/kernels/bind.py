@@ -10,7 +10,7 @@ import ctypes
 import inspect
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from itertools import combinations, product
 from pathlib import Path
@@ -206,11 +206,12 @@ def _passing_on(count: int) -> tuple[Any, int]:
 
 
 class Step(NamedTuple):
-    """A compiled function and the arrays that it runs on: `function(*inputs, *outputs)`."""
+    """A function and the arrays that it runs on: `function(*inputs, *outputs)`."""
 
     function: Callable[..., None]
     inputs: tuple[NDArray[Any], ...]  # read only
     outputs: tuple[NDArray[Any], ...]  # written, or read and written
+    is_compiled: bool = True  # else it is Python, as an estimator's, and runs nowhere else
 
 
 def run(steps: Sequence[Step]) -> None:
@@ -221,7 +222,9 @@ def run(steps: Sequence[Step]) -> None:
 
 def bound(steps: Sequence[Step]) -> Callable[[], None]:
     """Return a call without arguments that runs steps on their arrays, which are checked once, now."""
-    calls = [bind(*step) for step in steps]
+    calls = [
+        bind(*step[:3]) if step.is_compiled else partial(step.function, *step.inputs, *step.outputs) for step in steps
+    ]
 
     def tick() -> None:
         for call in calls:
