@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import usable_rows
-from catenary.calibration.evaluate import Evaluation
+from catenary.calibration.evaluate import Evaluation, Spread, spread_table
 from catenary.calibration.evaluate import evaluate as evaluate_rows
 from catenary.calibration.fit_options import COVERAGE, FOLDS, FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
@@ -33,6 +33,7 @@ from catenary.errors import InputError
 from catenary.plant import MotionLog, nameless
 from catenary.recording.logs import read_log
 from catenary.side_by_side import Progress, silent
+from catenary.tables import Screen
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 from catenary.verdict.mend import AS_TRAINED
@@ -51,7 +52,7 @@ class MotionArrays(TypedDict, total=False):
     time: ArrayLike | None  # (N,) [s]; where it steps back another motion begins
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Calibration(CalibrationModel):
     """A fitted calibration model with its card: what it was fitted to, and its errors.
 
@@ -59,6 +60,15 @@ class Calibration(CalibrationModel):
     """
 
     card: Card = field(default_factory=dict)
+
+    @property
+    def screen(self) -> Screen:
+        """Corrections, and errors on blocks of time that the fit did not see."""
+        own, errors = super().screen, self.card.get("errors", {}).get("cross_validation")
+        crossed = [spread_table([Spread(**joint) for joint in errors["joints"]])] if errors else []
+        named = f"{self.card['robot']}, " if self.card.get("robot") else ""
+        verdict = "; ".join(self.card.get("notes", ()))
+        return Screen(f"{named}{own.title}, {self.card.get('rows', 0):,} rows", [*crossed, *own.tables], verdict)
 
     def predict(self, q_nominal: Motion, **arrays: Unpack[MotionArrays]) -> Floats:
         """Return where the joints really are.

@@ -20,6 +20,8 @@ from catenary.errors import InputError
 from catenary.kernels import rows as arithmetic
 from catenary.kernels.bind import Step, blocks, run
 from catenary.plant import MotionLog
+from catenary.tables import Column, OnScreen, Screen, Table
+from catenary.units import DISPLAY
 from catenary.verdict.mend import MEND_KEYS
 
 Target = Literal["error", "position"]
@@ -68,8 +70,8 @@ class JointGroup:
         ]
 
 
-@dataclass(frozen=True)
-class CalibrationModel:
+@dataclass(frozen=True, repr=False)
+class CalibrationModel(OnScreen):
     """A fitted model: corrections of joint positions from features. There is no unfitted one.
 
     `correction` is added to q_nominal. A row outside a group's valid range gets the training data's fixed offset, and a
@@ -120,6 +122,18 @@ class CalibrationModel:
             object.__setattr__(self, "limits", as_array("limits", self.limits, (2, n)))
         if self.intervals is not None and len(self.intervals.inside) != n:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
+
+    @property
+    def screen(self) -> Screen:
+        """What is added to each joint where training rows lay, at most, and the half-width of its interval."""
+        columns: list[Column] = ["joint", "unit", ("fixed offset", ":.3f"), ("largest correction", ":.3f")]
+        scale, n = np.array([DISPLAY[unit][1] for unit in self.joint_units]), len(self.joint_names)
+        widths = np.full(n, np.nan) if self.intervals is None else scale * self.intervals.inside
+        held = "" if self.intervals is None else f", which is to hold {self.intervals.level:.0%} of errors"
+        units = [DISPLAY[unit][0] for unit in self.joint_units]
+        rows = list(zip(self.joint_names, units, scale * self.offset, scale * self.largest, widths, strict=True))
+        title = f"{self.kind}: {n} joints, {len(self.features.names)} features"
+        return Screen(title, [Table([*columns, ("half-width", ":.3f")], rows, f"Corrections and interval{held}")])
 
     @property
     def adjusted(self) -> Floats:

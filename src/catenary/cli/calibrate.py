@@ -21,7 +21,7 @@ from catenary.cli.recording_options import ACCEPT, RecordingOptions
 from catenary.cli.robot_options import DIALECT, NODE_NAME, SIMULATED_SEED
 from catenary.cli.terminal import announce, print_notes, print_result, prints_json, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
-from catenary.reports.page import Column, Table
+from catenary.tables import Column, Table
 
 if TYPE_CHECKING:
     from catenary.calibration.model import CalibrationModel

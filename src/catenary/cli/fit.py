@@ -16,8 +16,9 @@ from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelR
 from catenary.cli.terminal import print_page, print_result, progress_bar
 from catenary.errors import InputError
 from catenary.files import card_path
-from catenary.reports.page import Block, Heading, Table, picture
+from catenary.reports.page import Block, Heading, picture
 from catenary.side_by_side import on_workers
+from catenary.tables import Table
 
 if TYPE_CHECKING:
     from catenary.calibration.fit_options import FitOptions, FitRun
@@ -160,8 +161,9 @@ def evaluate(
 
     Example: catenary evaluate arm.npz run2.npz --report run2.html
     """
+    from catenary.calibration.evaluate import error_table
     from catenary.reports.calibration import write_calibration_report
-    from catenary.reports.joint_errors import coverage_table, error_table, window_table
+    from catenary.reports.joint_errors import coverage_table, window_table
 
     arm = None if robot is None else catenary.load_robot(robot)
     result = held.against().evaluate(window)
@@ -258,7 +260,8 @@ def _arm_drift(held: HeldModel) -> None:
 
 
 def _print_fit(out: Path, result: "FitResult") -> None:
-    from catenary.reports.joint_errors import coverage_table, error_table, spread_table
+    from catenary.calibration.evaluate import error_table, spread_table
+    from catenary.reports.joint_errors import coverage_table
     from catenary.workflows.calibration_model import interval_summary, warnings_of
 
     held_out, card = result.held_out, card_path(out)

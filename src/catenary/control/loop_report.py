@@ -17,6 +17,7 @@ from catenary.arrays import Flags, Floats
 from catenary.control.realtime import Durations, Timing
 from catenary.sensing.checks import Fault
 from catenary.sensing.vector import GravityReading, ReadingStatus
+from catenary.tables import Column, OnScreen, Screen, Table
 from catenary.units import DISPLAY, TORQUE_UNIT
 
 
@@ -38,8 +39,8 @@ class GravityReport:
         return "\n".join(lines)
 
 
-@dataclass(frozen=True)
-class LoopReport:
+@dataclass(frozen=True, repr=False)
+class LoopReport(OnScreen):
     """Timing, trust and tracking of one run; per joint in the robot's order."""
 
     joint_names: tuple[str, ...]
@@ -61,6 +62,16 @@ class LoopReport:
     correction: Timing | None = None  # [s] of the corrector in a tick; None without one
     # [s] the longest time between two torques, or positions, that were sent; None when not in real time
     longest_gap: float | None = None
+
+    @property
+    def screen(self) -> Screen:
+        """Tracking errors per joint."""
+        calibrated = self.tracking_calibrated or [None] * len(self.joint_names)
+        columns: list[Column] = ["joint", "unit", ("RMS error", ":.4g"), ("calibrated", ":.4g")]
+        rows = list(zip(self.joint_names, self.joint_units, self.tracking_nominal, calibrated, strict=True))
+        head, _, rest = str(self).partition("\n")
+        timing = "; ".join(line for line in rest.splitlines() if "tracking error" not in line)
+        return Screen(head, [Table(columns, rows)], timing)
 
     def __str__(self) -> str:
         lines = [f"{self.ticks} ticks at {self.rate_hz:g} Hz" + ("" if self.finished else ", not finished")]
