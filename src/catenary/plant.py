@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, frozen, without_missing
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 from catenary.tables import OnScreen, Screen, Table
-from catenary.units import DISPLAY
+from catenary.units import shown_rows
 from catenary.visible import visible
 
 _JOINT_UNITS = ("rad", "m")
@@ -322,13 +322,11 @@ class MotionLog(OnScreen):
         """Each joint's motion and error, and what is recorded of it."""
         q, off = self.q_nominal, None if self.q_encoder is None else (self.q_encoder - self.q_nominal)[self.ok]
         rms = np.full(q.shape[1], np.nan) if off is None or not len(off) else np.sqrt(np.mean(off**2, axis=0))
-        units, scale = zip(*(DISPLAY[unit] for unit in self.joint_units), strict=True)
-        numbers = (np.array(scale) * each for each in (q.min(axis=0), q.max(axis=0), rms))
         held = ", ".join(key for key in JOINT_ARRAYS if getattr(self, key) is not None)
         lasts = "" if self.time is None else f", {np.ptp(self.time):.4g} s"
         title = f"{self.name}: {q.shape[1]} joints, {len(self):,} rows{lasts}{', simulated' * self.simulated}; {held}"
         columns = ("joint", "unit", ("from", ":.2f"), ("to", ":.2f"), ("RMS error", ":.3f"))
-        table = Table(columns, [*zip(self.joint_names, units, *numbers, strict=True)])
+        table = Table(columns, shown_rows(self, q.min(axis=0), q.max(axis=0), rms))
         return Screen(title, [table], "; ".join(self.notes))
 
     @property

@@ -1,6 +1,6 @@
 """A calibration model inside a control loop: the bits of the fitted model, tick by tick."""
 
-import time
+import timeit
 from collections.abc import Callable, Sequence
 from statistics import median
 from typing import Any
@@ -103,12 +103,8 @@ class Corrector:
 
     def tick_seconds(self) -> float:
         """Return the median time of a tick on this computer [s]; what the corrector remembers stays."""
-        other, took = Corrector(self.model, rate_hz=self.rate_hz), []
-        for _ in range(_TIMED_TICKS):
-            began = time.perf_counter()
-            other._tick()
-            took.append(time.perf_counter() - began)
-        return median(took)
+        other = Corrector(self.model, rate_hz=self.rate_hz)
+        return median(timeit.repeat(other._tick, number=1, repeat=_TIMED_TICKS))
 
     @property
     def leaps(self) -> dict[str, int]:

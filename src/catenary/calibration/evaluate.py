@@ -91,13 +91,7 @@ class Evaluation(OnScreen):
         return Screen(title, [error_table(self)], f"of the fixed offset's RMSE: {left}")
 
     def __str__(self) -> str:
-        """Return RMS errors per joint: as reported, after the fixed offset, after the model."""
-        rows = [f"{'joint':16} {'reported':>10} {'offset':>10} {'model':>10}"]
-        rows += [
-            f"{joint.name:16} {joint.raw_rmse:10.3f} {joint.offset_rmse:10.3f} {joint.rmse:10.3f} {joint.unit}"
-            for joint in self.joints
-        ]
-        return "\n".join(rows)
+        return error_table(self).text()
 
 
 def percent(value: float, digits: int) -> str:

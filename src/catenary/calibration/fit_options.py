@@ -91,8 +91,7 @@ class FitOptions:
     @property
     def takes_friction(self) -> bool:
         """Whether the model may take what is found of cables: friction states of coupled joints, paths and slack."""
-        is_raw = self.kind == OWN and not self.shares
-        return self.target == "error" and bool(self.record.play_shares) and not is_raw
+        return self.target == "error" and bool(self.record.play_shares and self.shares)
 
     @property
     def ridge_used(self) -> float | None:

@@ -158,12 +158,9 @@ def _concluded(
         notes.append(f"cables run over another joint's drum: play follows {followed}")
     seconds = None if options.record.in_c else Corrector(model).tick_seconds()
     if seconds is not None:
-        told = "it is Python, and there is no C of it"
-        notes.append(f"a tick of a loop takes {1e3 * seconds:.2g} ms with this model on this computer: {told}")
+        notes.append(f"a tick of a loop takes {1e3 * seconds:.2g} ms here, in Python: there is no C of the model")
     if options.is_function:
-        notes.append(
-            "no block was left out of the function: its errors are a test where it has not seen the recordings"
-        )
+        notes.append("no block was left out of the function: its errors are a test if it has not seen the recordings")
     if validation is None:
         notes.append("no intervals: they are estimated from the cross-validation, which folds 0 leaves out")
     elif intervals is None:

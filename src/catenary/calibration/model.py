@@ -20,8 +20,8 @@ from catenary.errors import InputError
 from catenary.kernels import rows as arithmetic
 from catenary.kernels.bind import Step, blocks, run
 from catenary.plant import MotionLog
-from catenary.tables import Column, OnScreen, Screen, Table
-from catenary.units import DISPLAY
+from catenary.tables import OnScreen, Screen, Table
+from catenary.units import shown_rows
 from catenary.verdict.mend import MEND_KEYS
 
 Target = Literal["error", "position"]
@@ -125,15 +125,11 @@ class CalibrationModel(OnScreen):
 
     @property
     def screen(self) -> Screen:
-        """What is added to each joint where training rows lay, at most, and the half-width of its interval."""
-        columns: list[Column] = ["joint", "unit", ("fixed offset", ":.3f"), ("largest correction", ":.3f")]
-        scale, n = np.array([DISPLAY[unit][1] for unit in self.joint_units]), len(self.joint_names)
-        widths = np.full(n, np.nan) if self.intervals is None else scale * self.intervals.inside
-        held = "" if self.intervals is None else f", which is to hold {self.intervals.level:.0%} of errors"
-        units = [DISPLAY[unit][0] for unit in self.joint_units]
-        rows = list(zip(self.joint_names, units, scale * self.offset, scale * self.largest, widths, strict=True))
-        title = f"{self.kind}: {n} joints, {len(self.features.names)} features"
-        return Screen(title, [Table([*columns, ("half-width", ":.3f")], rows, f"Corrections and interval{held}")])
+        """The fixed offset of each joint, its largest correction, and the half-width of its interval."""
+        widths = np.full(len(self.joint_names), np.nan) if self.intervals is None else self.intervals.inside
+        columns = ("joint", "unit", ("offset", ":.3f"), ("largest correction", ":.3f"), ("half-width", ":.3f"))
+        table = Table(columns, shown_rows(self, self.offset, self.largest, widths), "Corrections")
+        return Screen(f"{self.kind}: {len(widths)} joints, {len(self.features.names)} features", [table])
 
     @property
     def adjusted(self) -> Floats:
@@ -175,8 +171,7 @@ class CalibrationModel(OnScreen):
         q = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
         correction, inside, interval = np.empty_like(q), np.empty(q.shape, dtype=bool), np.empty_like(q)
         leaps = np.zeros(len(X), dtype=bool) if leaping is None else leaping
-        width = max(X.shape[1], *(group.predictor.width for group in self.groups))
-        for rows in blocks(len(X), width):
+        for rows in blocks(len(X)):
             outputs = (correction[rows], inside[rows], interval[rows])
             run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
         return correction, inside, interval

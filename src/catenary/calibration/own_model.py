@@ -15,7 +15,7 @@ from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,21 +27,14 @@ from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_kinds import OWN
 from catenary.calibration.predictors import OwnFunction
 from catenary.calibration.valid_range import standardisation
-from catenary.errors import CatenaryError, FileFormatError, InputError
+from catenary.errors import CatenaryError, FileFormatError, InputError, imported
 
 _BY_SKOPS, _BY_ITSELF = b"skops:", b"own:"
 # what skops, and what it calls, raise on bytes that are no estimator
 _UNREADABLE = (OSError, ValueError, LookupError, TypeError, AttributeError, RuntimeError, zipfile.BadZipFile)
 
 
-class Estimator(Protocol):
-    """What scikit-learn calls an estimator."""
-
-    def fit(self, X: Any, y: Any) -> Any: ...  # noqa: D102
-    def predict(self, X: Any) -> Any: ...  # noqa: D102
-    def get_params(self, deep: bool = True) -> Any: ...  # noqa: D102
-
-
+Estimator = Any  # what scikit-learn calls one
 Function = Callable[[Floats], ArrayLike]
 Named = str | type | Function  # a class or function, or "module:name" of it
 
@@ -114,7 +107,7 @@ def _unfitted(estimator: Any, seed: int) -> Any:
 
 def packed(model: CalibrationModel) -> CalibrationModel:
     """Return a model whose own estimators are bytes, as a file holds them."""
-    return _with_each(model, lambda own: own if own.is_packed else replace(own, fitted=tuple(map(_packed, own.fitted))))
+    return _with_each(model, lambda own: replace(own, fitted=tuple(map(_packed, own.fitted))))
 
 
 def unpacked(model: CalibrationModel, own: Named | Sequence[Named] | None) -> CalibrationModel:
@@ -142,6 +135,8 @@ def _with_each(model: CalibrationModel, change: Callable[[OwnFunction], OwnFunct
 
 
 def _packed(thing: Any) -> NDArray[np.uint8]:
+    if isinstance(thing, np.ndarray):
+        return thing
     name, content = name_of(thing), b""
     if hasattr(thing, "save") and hasattr(thing, "load"):
         with TemporaryDirectory() as folder:
@@ -181,7 +176,7 @@ def _by_skops(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
             raise FileFormatError(f"estimator of {name_of(main)}: would unpack to more than {MAX_UNPACKED_BYTES} bytes")
     packages = {each.__module__.partition(".")[0] for each in classes}
     unknown = list(map(str, _skops().get_untrusted_types(data=content)))
-    if others := [each for each in unknown if each.partition(".")[0] not in packages]:
+    if others := [each for each in unknown if not _is_class_of(packages, each)]:
         raise InputError(f"model of {name_of(main)}: holds {', '.join(others)} too: name them beside it")
     found = _skops().loads(content, trusted=unknown)
     if type(found) is not main:
@@ -189,11 +184,12 @@ def _by_skops(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
     return found
 
 
+def _is_class_of(packages: set[str], name: str) -> bool:
+    """Return whether a name is of a class that one of these packages, which the caller named, defines."""
+    module, _, attribute = name.rpartition(".")
+    found = getattr(import_module(module), attribute, None) if module.partition(".")[0] in packages else None
+    return isinstance(found, type) and found.__module__.partition(".")[0] in packages
+
+
 def _skops() -> Any:
-    try:
-        import skops.io
-    except ImportError as error:
-        raise InputError(
-            "files of estimators need skops (pip install 'catenary[own]'), or save(path) and a class method load(path)"
-        ) from error
-    return skops.io
+    return imported("skops.io", "files of estimators without `save` and `load` of their own need skops", "own")

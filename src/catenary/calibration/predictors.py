@@ -46,11 +46,6 @@ class Predictor(ABC):
     def shape(self) -> tuple[int, int]:
         """Numbers of features F and of outputs m."""
 
-    @property
-    @abstractmethod
-    def width(self) -> int:
-        """Columns of the widest array between features and outputs."""
-
     @abstractmethod
     def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:
         """Return the compiled steps from features X (N, F) to outputs Y (N, m), and leverage beyond usual (N, 1)."""
@@ -60,7 +55,7 @@ class Predictor(ABC):
         inputs, outputs = self.shape
         X = as_array("features", X, (None, inputs), finite=False)
         Y = np.empty((len(X), outputs))
-        for rows in blocks(len(X), self.width):
+        for rows in blocks(len(X)):
             run(self.steps(X[rows], Y[rows]))
         return Y
 
@@ -91,10 +86,6 @@ class Expansion(Predictor):
     @property
     def shape(self) -> tuple[int, int]:  # noqa: D102
         return len(self.terms.middle), len(self.bias)
-
-    @property
-    def width(self) -> int:  # noqa: D102
-        return len(self.terms)
 
     def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:  # noqa: D102
         Z = np.empty((len(X), len(self.terms)))
@@ -149,10 +140,6 @@ class Network(Predictor):
     def shape(self) -> tuple[int, int]:  # noqa: D102
         return len(self.mean), len(self.out_mean)
 
-    @property
-    def width(self) -> int:  # noqa: D102
-        return max(len(self.mean), *map(len, self.biases))
-
     def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:  # noqa: D102
         activate = arithmetic.tanh if self.activation == "tanh" else arithmetic.logistic
         layer = np.empty(X.shape)
@@ -181,17 +168,8 @@ class OwnFunction(Predictor):
     def shape(self) -> tuple[int, int]:  # noqa: D102
         return len(self.mean), len(self.out_mean)
 
-    @property
-    def width(self) -> int:  # noqa: D102
-        return max(self.shape)
-
-    @property
-    def is_packed(self) -> bool:
-        """Whether it is bytes, that nobody has named the class of."""
-        return any(isinstance(each, np.ndarray) for each in self.fitted)
-
     def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:  # noqa: D102
-        if self.is_packed:
+        if any(isinstance(each, np.ndarray) for each in self.fitted):
             module, _, name = self.name.partition(":")
             raise InputError(
                 f"model of {self.name}: it runs only where its class is named: from {module} import {name}; "

@@ -17,8 +17,8 @@ from catenary.arrays import Flags, Floats
 from catenary.control.realtime import Durations, Timing
 from catenary.sensing.checks import Fault
 from catenary.sensing.vector import GravityReading, ReadingStatus
-from catenary.tables import Column, OnScreen, Screen, Table
-from catenary.units import DISPLAY, TORQUE_UNIT
+from catenary.tables import OnScreen, Screen, Table
+from catenary.units import DISPLAY, TORQUE_UNIT, shown_rows
 
 
 @dataclass(frozen=True)
@@ -66,12 +66,11 @@ class LoopReport(OnScreen):
     @property
     def screen(self) -> Screen:
         """Tracking errors per joint."""
-        calibrated = self.tracking_calibrated or [None] * len(self.joint_names)
-        columns: list[Column] = ["joint", "unit", ("RMS error", ":.4g"), ("calibrated", ":.4g")]
-        rows = list(zip(self.joint_names, self.joint_units, self.tracking_nominal, calibrated, strict=True))
-        head, _, rest = str(self).partition("\n")
-        timing = "; ".join(line for line in rest.splitlines() if "tracking error" not in line)
-        return Screen(head, [Table(columns, rows)], timing)
+        head, *rest = str(self).splitlines()
+        columns = ("joint", "unit", ("RMS error", ":.3f"), ("calibrated", ":.3f"))
+        calibrated = self.tracking_calibrated or [float("nan")] * len(self.joint_names)
+        table = Table(columns, shown_rows(self, self.tracking_nominal, calibrated))
+        return Screen(head, [table], "; ".join(line for line in rest if "tracking error" not in line))
 
     def __str__(self) -> str:
         lines = [f"{self.ticks} ticks at {self.rate_hz:g} Hz" + ("" if self.finished else ", not finished")]

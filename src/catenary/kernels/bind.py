@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from catenary.errors import InputError
 from catenary.kernels.compiled import Compiled, load_module, start_numba
 
-_BLOCK_NUMBERS = 100_000  # of an array between two steps: more would not stay in the cache
+_BLOCK_ROWS = 250  # at once; of some hundred columns more would not stay in the cache
 _METH_NOARGS = 0x0004  # methodobject.h
 _CODE, _NONE, _ARGUMENTS = range(3)  # places in the block
 _NUMBER_TYPES = tuple(map(np.dtype, (np.float64, np.int64, np.uint8, np.bool_)))
@@ -233,7 +233,6 @@ def bound(steps: Sequence[Step]) -> Callable[[], None]:
     return tick
 
 
-def blocks(rows: int, width: int) -> list[slice]:
-    """Return consecutive slices of rows, short enough that arrays of `width` columns stay in the processor's cache."""
-    at_once = max(1, _BLOCK_NUMBERS // max(1, width))
-    return [slice(first, min(first + at_once, rows)) for first in range(0, rows, at_once)]
+def blocks(rows: int) -> list[slice]:
+    """Return consecutive slices of rows, short enough that arrays between two steps stay in the processor's cache."""
+    return [slice(first, min(first + _BLOCK_ROWS, rows)) for first in range(0, rows, _BLOCK_ROWS)]

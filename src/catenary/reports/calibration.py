@@ -61,7 +61,7 @@ def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluatio
     def tip(error: Floats) -> Floats:
         q = np.zeros((len(measured), robot.n))
         q[:, places] = measured - error
-        return np.concatenate([forward_kinematics(robot, q[part])[1] for part in blocks(len(q), 16 * q.shape[1])])
+        return np.concatenate([forward_kinematics(robot, q[part])[1] for part in blocks(len(q))])
 
     none = np.zeros_like(evaluation.raw)
     true, reported, offset, corrected = map(

@@ -106,18 +106,14 @@ def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
 
     for axes in figure.axes:
         for line in axes.lines:
-            line.set_rasterized(_points([line.get_path()]) > _MAX_DRAWN_POINTS)
+            line.set_rasterized(len(line.get_path()) > _MAX_DRAWN_POINTS)
         for area in axes.collections:
-            area.set_rasterized(_points(area.get_paths()) > _MAX_DRAWN_POINTS)
+            area.set_rasterized(sum(map(len, area.get_paths())) > _MAX_DRAWN_POINTS)
     kind = path.suffix.lower().removeprefix(".") if path.suffix.lower() in endings else "png"
     buffer = io.BytesIO()
     with rc_context({"pdf.fonttype": 42}):
         figure.savefig(buffer, format=kind, dpi=_DOTS_PER_INCH)
     write_atomically(path, buffer.getvalue())
-
-
-def _points(paths: Sequence[Any]) -> int:
-    return sum(len(path.vertices) for path in paths)
 
 
 def write_page(

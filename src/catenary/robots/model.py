@@ -15,8 +15,8 @@ from catenary.robots.actuation import Actuation
 from catenary.robots.link_inertia import LinkInertia, check_inertia, symmetric, unphysical
 from catenary.robots.plausible import FAR, HEAVY_RATIO
 from catenary.spatial import Pose
-from catenary.tables import Column, OnScreen, Screen, Table
-from catenary.units import DISPLAY
+from catenary.tables import OnScreen, Screen, Table
+from catenary.units import shown_rows
 
 Massless = Sequence[str] | Literal["all"]  # links declared to have no mass; all that a description gives none
 _log = logging.getLogger(__name__)
@@ -126,13 +126,11 @@ class RobotModel(OnScreen):
     @property
     def screen(self) -> Screen:
         """Each joint's limits, and the mass of all links."""
-        columns: list[Column] = ["joint", "unit", ("lower", ":.4g"), ("upper", ":.4g"), ("per second", ":.4g")]
-        units, scale = zip(*(DISPLAY[unit] for unit in self.joint_units), strict=True)
-        limits = (np.array(scale) * each for each in (self.lower, self.upper, self.velocity_limit))
-        rows = [*zip(self.joint_names, units, *limits, self.effort_limit, strict=True)]
-        mass = f"no mass for {', '.join(self.missing_inertia)}"
-        mass = mass if self.missing_inertia else f"{self.tree.mass.sum():.3g} kg"
-        table = Table([*columns, ("effort [Nm, N]", ":.4g")], rows)
+        columns = ("joint", "unit", ("lower", ":.4g"), ("upper", ":.4g"), ("per second", ":.4g"), ("Nm, N", ":.4g"))
+        limits = shown_rows(self, self.lower, self.upper, self.velocity_limit)
+        table = Table(columns, [(*row, effort) for row, effort in zip(limits, self.effort_limit, strict=True)])
+        lacking = ", ".join(self.missing_inertia)
+        mass = f"no mass for {lacking}" if lacking else f"{self.tree.mass.sum():.3g} kg"
         return Screen(f"{self.name}: {self.n} joints, tip {self.tip}, {mass}", [table], "; ".join(self.doubts))
 
     def require_masses(self) -> None:
