@@ -1,6 +1,7 @@
-"""Make notebooks of the examples: `python -m tests.notebooks FOLDER`; the script stays the one that is written."""
+"""Make notebooks of the examples and labs: `python -m tests.notebooks FOLDER`; the script stays what is written."""
 
 import ast
+import shutil
 import sys
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import jupytext
 import nbformat
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+LABS = EXAMPLES / "labs"
 
 
 def notebook_of(script: str) -> nbformat.NotebookNode:
@@ -24,8 +26,10 @@ def notebook_of(script: str) -> nbformat.NotebookNode:
 def main(folder: Path) -> None:
     """Write a notebook of each numbered example."""
     folder.mkdir(parents=True, exist_ok=True)
-    for path in sorted(EXAMPLES.glob("0*.py")):
-        nbformat.write(notebook_of(path.read_text()), folder / f"{path.stem}.ipynb")
+    for path in sorted([*EXAMPLES.glob("0*.py"), *LABS.glob("[0-9]*.py")]):
+        name = path.stem if path.parent == EXAMPLES else f"lab_{path.stem}"
+        nbformat.write(notebook_of(path.read_text()), folder / f"{name}.ipynb")
+    shutil.copy(LABS / "checks.py", folder)
 
 
 if __name__ == "__main__":
