@@ -15,7 +15,7 @@ from sklearn.preprocessing import StandardScaler
 
 import catenary
 from catenary.calibration.own_model import fit_own, name_of
-from catenary.errors import FileFormatError, InputError
+from catenary.errors import FileFormatError, InputError, MissingPackageError
 from command_line import catenary as run
 from recordings import recording
 
@@ -194,7 +194,7 @@ def test_a_function_without_a_name_has_no_file(tmp_path):
 def test_without_skops_an_estimator_has_no_file_and_the_message_says_what_to_install(tmp_path, monkeypatch):
     made = catenary.fit(LOG, model=Ridge(), folds=0)
     monkeypatch.setitem(sys.modules, "skops.io", None)
-    with pytest.raises(InputError, match=r"catenary\[own\]"):
+    with pytest.raises(MissingPackageError, match="need skops: pip install"):
         made.save(tmp_path / "own.npz")
 
 
@@ -221,3 +221,13 @@ def test_the_command_line_takes_module_and_name(tmp_path):
     assert "needs one" in run("fit", tmp_path / "log.parquet", "--model", "own", "--out", new).err
     assert run("check", model).code == 0
     assert "no C of it" in run("export", "--model", model, "--c", tmp_path / "arm.h").err
+    refused = run(
+        "calibrate",
+        tmp_path / "project",
+        tmp_path / "log.parquet",
+        "--test",
+        tmp_path / "day.parquet",
+        "--model",
+        ridge,
+    )
+    assert "catenary fit --model" in refused.err

@@ -27,7 +27,7 @@ from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.model_file import load_model as read_model
 from catenary.calibration.model_file import save_model
 from catenary.calibration.model_kinds import LEARNED
-from catenary.calibration.own_model import Estimator, Function, Named, chosen
+from catenary.calibration.own_model import Function, Named, chosen
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog, nameless
@@ -176,7 +176,7 @@ def fit(
     *,
     units: Sequence[str] | None = None,
     joint_names: Sequence[str] | None = None,
-    model: str | Estimator | Function = LEARNED,
+    model: str | Any = LEARNED,
     preset: str | None = None,
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None,
     play: Sequence[float] | None = None,

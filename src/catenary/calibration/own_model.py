@@ -34,12 +34,11 @@ _BY_SKOPS, _BY_ITSELF = b"skops:", b"own:"
 _UNREADABLE = (OSError, ValueError, LookupError, TypeError, AttributeError, RuntimeError, zipfile.BadZipFile)
 
 
-Estimator = Any  # what scikit-learn calls one
 Function = Callable[[Floats], ArrayLike]
 Named = str | type | Function  # a class or function, or "module:name" of it
 
 
-def chosen(model: str | Estimator | Function) -> tuple[str, Any]:
+def chosen(model: Any) -> tuple[str, Any]:
     """Return the kind of a model, and the estimator or function of one's own; text is a kind or "module:name"."""
     if isinstance(model, str) and ":" not in model:
         return model, None

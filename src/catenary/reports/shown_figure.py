@@ -4,13 +4,11 @@ from io import BytesIO
 
 from matplotlib.figure import Figure
 
-_DOTS_PER_INCH = 100
-
 
 class ShownFigure(Figure):
     """Matplotlib's, which draws itself as PNG."""
 
     def _repr_png_(self) -> bytes:
         content = BytesIO()
-        self.savefig(content, format="png", dpi=_DOTS_PER_INCH)
+        self.savefig(content, format="png", dpi=100)
         return content.getvalue()
