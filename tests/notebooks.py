@@ -10,10 +10,12 @@ import nbformat
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 LABS = EXAMPLES / "labs"
+BESIDE = (EXAMPLES / "ur5e.urdf", LABS / "checks.py")  # files that they read
 
 
 def notebook_of(script: str) -> nbformat.NotebookNode:
     """Return the notebook of a script: its docstring as text, a cell for each paragraph of code."""
+    script = script.replace("__file__", '"this notebook"')  # which has none
     tree = ast.parse(script)
     head = tree.body[0]
     notebook = jupytext.reads("\n".join(script.splitlines()[head.end_lineno :]).strip(), fmt="py:light")
@@ -29,7 +31,8 @@ def main(folder: Path) -> None:
     for path in sorted([*EXAMPLES.glob("0*.py"), *LABS.glob("[0-9]*.py")]):
         name = path.stem if path.parent == EXAMPLES else f"lab_{path.stem}"
         nbformat.write(notebook_of(path.read_text()), folder / f"{name}.ipynb")
-    shutil.copy(LABS / "checks.py", folder)
+    for path in BESIDE:
+        shutil.copy(path, folder)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import base64
 import io
 import re
+import shutil
 from pathlib import Path
 
 import nbformat
@@ -12,7 +13,7 @@ from nbclient import NotebookClient
 from PIL import Image
 
 import catenary
-from notebooks import EXAMPLES, notebook_of
+from notebooks import BESIDE, EXAMPLES, notebook_of
 from test_arguments import CALLS, LOG, MODEL, OBJECTS, STATE
 
 PLOT = 'import catenary\ncatenary.plot(catenary.load_robot("two_link"))'
@@ -38,6 +39,8 @@ SHOWN = {
 
 def executed(notebook: nbformat.NotebookNode, folder: Path) -> list[list[nbformat.NotebookNode]]:
     """Run a notebook in a kernel of its own; return the outputs of each code cell."""
+    for path in BESIDE:
+        shutil.copy(path, folder)
     client = NotebookClient(notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(folder)}})
     return [cell.outputs for cell in client.execute().cells if cell.cell_type == "code"]
 
