@@ -155,10 +155,12 @@ def delay_of(
     best = int(np.argmin(total))
     turns = [reversals_of(q[inside, places[i]]) for i in joints]
     worth = min(LOOKS, float(np.mean(turns))) + 1e-9
-    own_worth = [min(LOOKS, float(each)) + 1e-9 for each in turns]
-    own_costs = zip(joints, costs[:, :, 0], own_worth, strict=True)
-    alone = [(log.joint_names[i], *_interval(grid, cost, CERTAIN_SIGMAS**2 / worth)) for i, cost, worth in own_costs]
     low, high = _interval(grid, total, CERTAIN_SIGMAS**2 / worth)
+    alone = []
+    for i, cost, each in zip(joints, costs[:, :, 0], turns, strict=True):
+        first, last = _interval(grid, cost, CERTAIN_SIGMAS**2 / (min(LOOKS, float(each)) + 1e-9))
+        # the delay of all is every joint's, too, until joints are told apart
+        alone.append((log.joint_names[i], min(first, low), max(last, high)))
     near_low, near_high = _interval(grid, total, _LIKELY_SIGMAS**2 / worth)
     sure: Literal["certain", "likely", "none"] = "none"
     if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
