@@ -15,7 +15,7 @@ from sklearn.preprocessing import StandardScaler
 
 import catenary
 from catenary.calibration.own_model import fit_own, name_of
-from catenary.errors import FileFormatError, InputError, MissingPackageError
+from catenary.errors import DataError, FileFormatError, InputError, MissingPackageError
 from command_line import catenary as run
 from recordings import recording
 
@@ -35,7 +35,6 @@ class Mean:
 
     def fit(self, X, y):
         self.mean = float(np.mean(y))
-        return self
 
     def predict(self, X):
         return np.full(len(X), self.mean)
@@ -102,6 +101,12 @@ def test_evaluate_takes_a_function_and_no_estimator():
     assert_allclose(found.after_model, left, atol=1e-15)
     with pytest.raises(InputError, match="fitted first"):
         catenary.evaluate(Ridge(), LOG)
+
+
+def test_a_function_is_evaluated_on_what_would_be_too_short_to_learn_from():
+    assert len(catenary.evaluate(tanh_of, LOG.part(0, 40)).after_model) == 40
+    with pytest.raises(DataError):
+        catenary.fit(LOG.part(0, 40), model=Ridge())
 
 
 def test_random_states_that_are_unset_become_the_seed():
@@ -231,3 +236,20 @@ def test_the_command_line_takes_module_and_name(tmp_path):
         ridge,
     )
     assert "catenary fit --model" in refused.err
+
+
+def test_a_file_with_other_bytes_than_an_estimators_is_refused(tmp_path):
+    made = catenary.fit(LOG, model=Ridge(), folds=0)
+    for content in (b"skops:PK no archive", b"skops:", b"junk"):
+        bytes_of = np.frombuffer(content, dtype=np.uint8)
+        groups = (replace(made.groups[0], predictor=replace(made.groups[0].predictor, fitted=(bytes_of,))),)
+        replace(made, groups=groups).save(tmp_path / "own.npz")
+        with pytest.raises(FileFormatError, match="cannot be read"):
+            catenary.load_model(tmp_path / "own.npz", own=Ridge)
+
+
+def test_a_loop_takes_an_estimator_of_which_a_reading_is_nan(boosted):
+    corrector, out, inside = boosted.corrector(), np.empty(3), np.empty(3, dtype=bool)
+    corrector.correct(LOG.q_nominal[0], [np.nan, *LOG.q_nominal[0, 1:]], out, inside)
+    assert not inside.any()
+    assert_allclose(out, LOG.q_nominal[0] + boosted.offset)

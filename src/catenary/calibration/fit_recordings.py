@@ -72,7 +72,7 @@ def fit_recordings(
     held_out = run.held_out or 0.0
     rows_of = cache(partial(_rows, recordings, run=run))
     rows_of(choose_inputs(recordings, options, held_out=held_out).features)  # refused before anything takes long
-    found = recordings.judged(run.accept)
+    found = recordings.judged(run.accept, testing=options.is_function)  # from which nothing is learnt
     if options.takes_friction:
         options = replace(options, cables=find_cables(recordings, options, held_out=held_out))
         options = replace(options, friction=find_friction(recordings, options, held_out=held_out))

@@ -8,7 +8,6 @@ A file holds an estimator in skops's format, or as its own `save(path)` writes i
 of it is imported or executed unless the caller names its class.
 """
 
-import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import import_module
@@ -16,6 +15,7 @@ from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +31,7 @@ from catenary.errors import CatenaryError, FileFormatError, InputError, imported
 
 _BY_SKOPS, _BY_ITSELF = b"skops:", b"own:"
 # what skops, and what it calls, raise on bytes that are no estimator
-_UNREADABLE = (OSError, ValueError, LookupError, TypeError, AttributeError, RuntimeError, zipfile.BadZipFile)
+_UNREADABLE = (OSError, ValueError, LookupError, TypeError, AttributeError, RuntimeError, ImportError, BadZipFile)
 
 
 Function = Callable[[Floats], ArrayLike]
@@ -80,7 +80,7 @@ def fit_own(X: Floats, Y: Floats, *, estimator: Any, seed: int) -> OwnFunction:
     out_scale = np.where(np.ptp(wanted, axis=0) > 1e-9, out_scale, 0.0)  # a constant gets no ripple
     targets = [wanted] if outputs > 1 and _takes_several_outputs(estimator) else wanted.T
     with threadpool_limits(limits=1):
-        fitted = tuple(_unfitted(estimator, seed).fit(Z, np.ascontiguousarray(each)) for each in targets)
+        fitted = tuple(_fitted(estimator, seed, Z, np.ascontiguousarray(each)) for each in targets)
     return OwnFunction(name_of(estimator), mean, scale, out_mean, out_scale, fitted)
 
 
@@ -90,7 +90,7 @@ def _takes_several_outputs(estimator: Any) -> bool:
     return hasattr(estimator, "__sklearn_tags__") and bool(get_tags(estimator).target_tags.multi_output)
 
 
-def _unfitted(estimator: Any, seed: int) -> Any:
+def _fitted(estimator: Any, seed: int, Z: Floats, y: Floats) -> Any:
     from sklearn.base import clone
 
     try:
@@ -101,7 +101,10 @@ def _unfitted(estimator: Any, seed: int) -> Any:
             f"or a function of features: {error}"
         ) from error
     unset = [name for name, value in new.get_params().items() if name.endswith("random_state") and value is None]
-    return new.set_params(**dict.fromkeys(unset, seed)) if unset else new
+    if unset:
+        new.set_params(**dict.fromkeys(unset, seed))
+    new.fit(Z, y)
+    return new
 
 
 def packed(model: CalibrationModel) -> CalibrationModel:
@@ -170,7 +173,7 @@ def _unpacked(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
 
 
 def _by_skops(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
-    with zipfile.ZipFile(BytesIO(content)) as archive:
+    with ZipFile(BytesIO(content)) as archive:
         if sum(member.file_size for member in archive.infolist()) > max(MAX_UNPACKED_BYTES, len(content)):
             raise FileFormatError(f"estimator of {name_of(main)}: would unpack to more than {MAX_UNPACKED_BYTES} bytes")
     packages = {each.__module__.partition(".")[0] for each in classes}
