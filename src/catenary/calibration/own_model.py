@@ -32,8 +32,6 @@ from catenary.errors import CatenaryError, FileFormatError, InputError, imported
 _BY_SKOPS, _BY_ITSELF = b"skops:", b"own:"
 # what skops, and what it calls, raise on bytes that are no estimator
 _UNREADABLE = (OSError, ValueError, LookupError, TypeError, AttributeError, RuntimeError, ImportError, BadZipFile)
-
-
 Function = Callable[[Floats], ArrayLike]
 Named = str | type | Function  # a class or function, or "module:name" of it
 
