@@ -129,6 +129,7 @@ def test_an_estimator_of_several_outputs_is_one_and_others_one_for_each_joint():
         (lambda X: X[:, :2], "expected 3 outputs"),
         (type("NoClone", (), {"fit": None, "predict": None})(), "clone"),
         (3, "clone"),
+        ([], "clone"),
         ("no_such_module:Thing", "PYTHONPATH"),
         ("sklearn.linear_model:NoSuchRidge", "PYTHONPATH"),
     ],

@@ -176,7 +176,7 @@ def fit(
     *,
     units: Sequence[str] | None = None,
     joint_names: Sequence[str] | None = None,
-    model: str | Any = LEARNED,
+    model: object = LEARNED,
     preset: str | None = None,
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None,
     play: Sequence[float] | None = None,

@@ -93,12 +93,12 @@ def _fitted(estimator: Any, seed: int, Z: Floats, y: Floats) -> Any:
 
     try:
         new = clone(estimator)
-    except (TypeError, RuntimeError) as error:
+        unset = [name for name, value in new.get_params().items() if name.endswith("random_state") and value is None]
+    except (TypeError, RuntimeError, AttributeError) as error:
         raise InputError(
             f"model {name_of(estimator)}: expected scikit-learn's fit, predict and get_params, and that clone() works, "
             f"or a function of features: {error}"
         ) from error
-    unset = [name for name, value in new.get_params().items() if name.endswith("random_state") and value is None]
     if unset:
         new.set_params(**dict.fromkeys(unset, seed))
     new.fit(Z, y)
