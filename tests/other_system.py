@@ -173,6 +173,7 @@ COMMANDS = {
 REFUSED = {
     "serve": "serve --ros 2 --duration 1",
     "monitor on ROS": "monitor --ros 1",
+    "project": "home refused --ros 1",
     "gravity-node": "gravity-node --ros none --port /dev/ttyACM0",
 }
 
@@ -205,7 +206,9 @@ def run(folder: Path) -> dict[str, Any]:
             super().__init__(io.BytesIO(), encoding="cp1252", newline="\r\n")
 
     def short(out: Path, settings: Any) -> Any:
-        return project(out, dataclasses.replace(SHORT, seed=settings.seed))
+        return project(
+            out, dataclasses.replace(SHORT, seed=settings.seed) if settings.ros in (None, "none") else settings
+        )
 
     project = projects.Project
     outcomes: dict[str, Any] = {}

@@ -108,6 +108,10 @@ def test_what_needs_linux_says_so_in_one_sentence(name: str, ended: Ended) -> No
     assert "Traceback" not in err
 
 
+def test_a_refused_project_leaves_nothing(ended: Ended) -> None:
+    assert not (ended.folder / "refused").exists()
+
+
 def test_a_step_that_was_done_is_not_done_again(ended: Ended) -> None:
     assert "every step is done already" in ended.outcomes["demo again"][1]
     steps = json.loads((ended.folder / "demo" / "steps.json").read_text("utf-8"))

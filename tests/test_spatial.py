@@ -115,7 +115,7 @@ SHIFTED = np.block([[np.eye(3), np.array([[0.1], [0.2], [0.3]])], [np.zeros((1, 
         (SHIFTED + np.outer([0, 0, 0, 1], [0, 0, 0, 0.5]), "T: expected a last row 0 0 0 1"),
         (SHIFTED @ np.diag([1.0, 1.0, -1.0, 1.0]), "T rotation: expected a rotation matrix, .*determinant -1"),
         (SHIFTED @ np.diag([1.1, 1.0, 1.0, 1.0]), "T rotation: expected a rotation matrix"),
-        (SHIFTED[:3], r"T: expected shape \(4, 4\), got \(3, 4\)"),
+        (SHIFTED[:3], r"T, a Pose or a homogeneous matrix: expected shape \(4, 4\), got \(3, 4\)"),
         (SHIFTED * np.nan, "expected finite numbers"),
     ],
 )  # fmt: skip

@@ -51,7 +51,7 @@ def as_pose(name: str, pose: Pose | ArrayLike) -> Pose:
     """Return a pose (3, 3), (3,), given as one or as a homogeneous matrix (4, 4); InputError unless it is rigid."""
     if isinstance(pose, Pose):
         return Pose(as_rotation(f"{name} rotation", pose.rotation), as_array(f"{name} position", pose.position, (3,)))
-    matrix = as_array(name, pose, (4, 4))
+    matrix = as_array(f"{name}, a Pose or a homogeneous matrix", pose, (4, 4))
     last = (0.0, 0.0, 0.0, 1.0)
     if np.abs(matrix[3] - last).max() > _HOMOGENEOUS:
         turned = "; it is transposed" if np.abs(matrix[:, 3] - last).max() <= _HOMOGENEOUS else ""

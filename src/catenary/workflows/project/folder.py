@@ -26,7 +26,7 @@ from catenary.documents import json_value, read_bounded
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import CatenaryError, ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, sha256_of, sweep_partial, write_atomically
-from catenary.operating_system import OWN_FILE, lock, sync_file
+from catenary.operating_system import OPEN_FILES_CAN_MOVE, OWN_FILE, lock, sync_file
 from catenary.raven2.topics import further_columns
 from catenary.trajectories.sinusoids import TURN_TIME_S
 from catenary.trajectories.zigzag import DIRECTIONS, MIN_SPARSITY, check_direction
@@ -73,7 +73,9 @@ class FolderLock:
     def check(self) -> None:
         """Refuse to go on without the lock's file: another process may have made, and locked, a new one."""
         try:
-            is_ours = self._descriptor is not None and os.path.samestat(os.fstat(self._descriptor), self.path.lstat())
+            is_ours = self._descriptor is not None and (
+                not OPEN_FILES_CAN_MOVE or os.path.samestat(os.fstat(self._descriptor), self.path.lstat())
+            )
         except OSError:
             is_ours = False
         if not is_ours:
@@ -352,6 +354,8 @@ class Project:
         with contextlib.suppress(OSError, InUseError, FileFormatError):
             if not self._lock.is_held:
                 self._lock.take()
+            if not OPEN_FILES_CAN_MOVE:
+                self._lock.release()
             for path in [*below, self.folder / LOCK]:
                 path.rmdir() if path.is_dir() else path.unlink(missing_ok=True)
             for path in self._made:
