@@ -206,9 +206,8 @@ def run(folder: Path) -> dict[str, Any]:
             super().__init__(io.BytesIO(), encoding="cp1252", newline="\r\n")
 
     def short(out: Path, settings: Any) -> Any:
-        return project(
-            out, dataclasses.replace(SHORT, seed=settings.seed) if settings.ros in (None, "none") else settings
-        )
+        simulated = settings.connection == "simulation"
+        return project(out, dataclasses.replace(SHORT, seed=settings.seed) if simulated else settings)
 
     project = projects.Project
     outcomes: dict[str, Any] = {}
