@@ -9,7 +9,7 @@ import pytest
 
 from catenary import operating_system
 from catenary.control.loop import run_loop
-from catenary.errors import UnsupportedSystemError
+from catenary.errors import InputError, UnsupportedSystemError
 from catenary.operating_system import elapsed_ns, interrupt, lock, move_open, require_linux, reserve, take_priority
 from catenary.teleop.terminal import RawTerminal
 
@@ -52,8 +52,10 @@ def test_real_robots_are_refused_elsewhere_than_on_linux(system: str, monkeypatc
 
 
 def test_a_terminal_without_single_keys_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(operating_system, "HAS_SINGLE_KEYS", False)
-    with pytest.raises(UnsupportedSystemError, match="keys are read from a terminal on Linux and macOS only"):
+    monkeypatch.setattr("catenary.teleop.terminal.HAS_SINGLE_KEYS", False)
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    with pytest.raises(InputError, match="teleop: needs a terminal of Linux or macOS for keys"):
         RawTerminal()
 
 

@@ -41,9 +41,8 @@ OWN_FILE = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_CLOEXEC", "O_B
 WITHOUT_WAITING = getattr(os, "O_NONBLOCK", 0)  # for a named pipe, which Windows has in no folder
 OPEN_FILES_CAN_MOVE = not _IS_WINDOWS
 HAS_SINGLE_KEYS = _termios is not None
-ENDING_SIGNALS = tuple(
-    getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)
-)  # that ask a program to end; the last is Windows' for a window that is closed
+# those that ask a program to end; the last is Windows' for a window that is closed
+ENDING_SIGNALS = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
 
 
 def require_linux(what: str) -> None:
@@ -84,8 +83,8 @@ def move_open(file: BinaryIO, path: Path, new: Path) -> None:
 
 
 def sync_file(path: Path) -> None:
-    """Have the disk keep the bytes of a file that was written and closed; Windows asks for a file open for writing."""
-    with path.open("r+b" if _IS_WINDOWS else "rb") as file:
+    """Have the disk keep a closed file's bytes; on macOS they may still be in the drive's own cache."""
+    with path.open("r+b" if _IS_WINDOWS else "rb") as file:  # Windows refuses what is open for reading
         os.fsync(file.fileno())
 
 
@@ -138,12 +137,10 @@ def elapsed_ns() -> int:
 
 def take_priority(level: int) -> Callable[[], None] | None:
     """Take real-time priority (SCHED_FIFO), and return what gives it back; None where it is not to be had."""
-    if not hasattr(os, "sched_setscheduler"):
-        return None
     try:
         policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(level))
-    except OSError:  # not allowed
+    except (AttributeError, OSError):  # macOS and Windows have none; not allowed
         return None
     return lambda: os.sched_setscheduler(0, policy, parameters)
 
@@ -158,14 +155,8 @@ def interrupt(number: int) -> None:
         os.kill(os.getpid(), number)
 
 
-def require_single_keys(what: str) -> None:
-    """Raise UnsupportedSystemError where `single_keys` cannot be had, on Windows."""
-    if not HAS_SINGLE_KEYS:
-        raise UnsupportedSystemError(f"{what}: keys are read from a terminal on Linux and macOS only")
-
-
 def single_keys(descriptor: int) -> Callable[[], None]:
-    """Let a terminal hand over keys one by one, unechoed, and return what puts it back."""
+    """Let a terminal hand over keys one by one, unechoed, and return what puts it back; where HAS_SINGLE_KEYS."""
     before = _termios.tcgetattr(descriptor)
 
     def put_back() -> None:

@@ -32,10 +32,7 @@ class Clock:
                 return now - self._ahead - (before + after) // 2
 
     def elapsed(self) -> int:
-        """Return the time [ns] since an arbitrary moment, which only grows.
-
-        It goes on while the computer is suspended: to a program that was, what it knew is old.
-        """
+        """Return the time [ns] since an arbitrary moment, which only grows, also while the computer is suspended."""
         return elapsed_ns()
 
     def sleep(self, seconds: float) -> None:

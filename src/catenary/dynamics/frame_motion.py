@@ -38,48 +38,34 @@ def frame_motion(
 
     For q, qd and qdd, each (n,) or (N, n) [rad or m, and per s, s2]; qdd is zero and the base at rest when None.
     """
-    (places, rates, changes), single = motion_rows(model, q, qd=qd, qdd=qdd)
-    omega, alpha, acceleration, velocity = base_rows(BaseMotion() if base is None else base, len(places))
-    link, own = model.frame(frame)
-    of_link = np.empty((len(places), 3, 3))
+    motion, single = motion_rows(model, q, qd=qd, qdd=qdd)
+    count, (link, own) = len(motion[0]), model.frame(frame)
+    *turning, velocity = (np.broadcast_to(rows, (count, 3)) for rows in base_rows(base, count))
+    of_link = np.empty((count, 3, 3))
     arm = model.tree, model.coupling, model.offset
-    _motion_rows(*arm, places, rates, changes, omega, alpha, acceleration, link, of_link)
-    placed = Configuration(model, places)
-    turn, at = placed.rotations[:, link], placed.pose(frame).position
-    w, dw, a = (np.einsum("nij,nj->ni", turn, of_link[:, k]) for k in range(3))
-    r = turn @ own.position
-    v = np.einsum("nij,nj->ni", placed.jacobian(frame)[:, :3], rates) + velocity + np.cross(omega, at)
+    _motion_rows(*arm, np.stack(motion, axis=1), np.stack(turning, axis=1), link, of_link)
+    placed = Configuration(model, motion[0])
+    w, dw, a = np.einsum("nij,nkj->kni", placed.rotations[:, link], of_link)
+    r = placed.rotations[:, link] @ own.position
+    v = np.einsum("nij,nj->ni", placed.jacobian(frame)[:, :3], motion[1])
+    v += velocity + np.cross(turning[0], placed.pose(frame).position)
     parts = v, w, a + np.cross(dw, r) + np.cross(w, np.cross(w, r)), dw
     return FrameMotion(*(part[0] if single else part for part in parts))
 
 
 @compiled
 def _motion_rows(
-    tree: Tree,
-    coupling: Floats,
-    offset: Floats,
-    q: Floats,
-    qd: Floats,
-    qdd: Floats,
-    base_omega: Floats,
-    base_alpha: Floats,
-    base_acceleration: Floats,
-    link: int,
-    out: Floats,
+    tree: Tree, coupling: Floats, offset: Floats, motion: Floats, base: Floats, link: int, out: Floats
 ) -> None:
-    """Write a link's angular velocity and acceleration and its origin's acceleration, in its own axes, row by row."""
+    """Write omega, alpha and the origin's acceleration of a link in its axes, (N, 3, 3), by q, qd, qdd (N, 3, n)."""
     n = len(tree.parent)
-    work = np.empty((3, n))
-    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
-    xd, xdd = np.empty(n), np.empty(n)
-    omega, alpha, acceleration = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3))
-    for k in range(len(q)):
-        omega[n] = base_omega[k if len(base_omega) > 1 else 0]
-        alpha[n] = base_alpha[k if len(base_alpha) > 1 else 0]
-        acceleration[n] = base_acceleration[k if len(base_acceleration) > 1 else 0]
-        place_tree(tree, coupling, offset, q[k], work, rotation, position)
-        to_tree(coupling, qd[k], xd)
-        to_tree(coupling, qdd[k], xdd)
+    work, x = np.empty((3, n)), np.empty((2, n))
+    rotation, position, moving = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((3, n + 1, 3))
+    for k in range(len(motion)):
+        moving[:, n] = base[k]
+        place_tree(tree, coupling, offset, motion[k, 0], work, rotation, position)
+        to_tree(coupling, motion[k, 1], x[0])
+        to_tree(coupling, motion[k, 2], x[1])
         for i in range(n):
-            link_motion(tree, rotation, position, i, xd, xdd, omega, alpha, acceleration)
-        out[k, 0], out[k, 1], out[k, 2] = omega[link], alpha[link], acceleration[link]
+            link_motion(tree, rotation, position, i, x[0], x[1], moving[0], moving[1], moving[2])
+        out[k] = moving[:, link]

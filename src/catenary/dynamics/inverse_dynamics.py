@@ -142,18 +142,15 @@ def gravity_rows(vectors: ArrayLike, count: int, name: str = "gravity") -> Float
 
 def felt_rows(gravity: ArrayLike, base: BaseMotion | None, count: int) -> tuple[Floats, Floats, Floats]:
     """Return gravity less a base's acceleration [m/s2], and its angular velocity and acceleration, (1, 3) or (N, 3)."""
-    down = gravity_rows(gravity, count)
-    if base is None:
-        return down, _AT_REST[None], _AT_REST[None]
     omega, alpha, linear, _ = base_rows(base, count)
-    return down - linear, omega, alpha
+    return gravity_rows(gravity, count) - linear, omega, alpha
 
 
-def base_rows(base: BaseMotion, count: int) -> list[Floats]:
-    """Return the fields of a base's motion in their order, (1, 3) or (N, 3) each, for `count` configurations."""
+def base_rows(base: BaseMotion | None, count: int) -> list[Floats]:
+    """Return the fields of a base's motion, zero at rest, in their order, (1, 3) or (N, 3) for `count` rows."""
     return [
         gravity_rows(vectors, count, f"base {name.replace('_', ' ')}")
-        for name, vectors in zip(BaseMotion._fields, base, strict=True)
+        for name, vectors in zip(BaseMotion._fields, base or BaseMotion(), strict=True)
     ]
 
 

@@ -34,11 +34,11 @@ def torque_derivatives(
     """
     model.require_inertia()
     n, (motion, single) = model.n, motion_rows(model, q, qd=qd, qdd=qdd)
-    kernel = known_kernel(model, "torque-derivatives", _line, (n, 2 * n))
+    kernel = known_kernel(model, "torque-derivatives", _by_q_and_qd, (n, 2 * n))
     both = kernel.rows(*motion, gravity_rows(gravity, len(motion[0])))
     parts = both[:, :, :n], both[:, :, n:], mass_matrix(model, motion[0])
     return TorqueDerivatives(*(part[0] if single else part for part in parts))
 
 
-def _line(model: RobotModel) -> Line:
+def _by_q_and_qd(model: RobotModel) -> Line:
     return derivative_line(inverse_dynamics_line(model, moving_base=False), ("q", "qd"))

@@ -11,9 +11,6 @@ Of a generated module (`load_module`) the text in memory is run; the file with t
 machine code, cached in `__pycache__`, belongs to it. So before any is read back, the file must be a plain file of the
 user's under one name, and hold the text to the byte, and files with machine code must be plain ones under one name;
 otherwise they are made anew.
-
-On Windows, where modes do not tell who may write, none of the folders' owners and modes are looked at: the user's own
-folders are private there unless somebody shared them.
 """
 
 import contextlib
@@ -75,16 +72,15 @@ def check_room(folder: Path) -> None:
 
 
 def private_folder(folder: Path) -> Path:
-    """Make or repair a folder that nobody else can enter, as far as the system tells."""
+    """Make or repair a folder that nobody else can enter; on Windows, whose modes do not tell, only make it."""
     folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
     if user_id() is None:
         folder.mkdir(mode=0o700, exist_ok=True)
         return folder
     folder = folder.parent.resolve() / folder.name
     mode = folder.parent.stat().st_mode
-    if (
-        is_own(folder.parent, stat.S_ISDIR) and mode & _OTHERS_WRITE_BITS == stat.S_IWGRP
-    ):  # as numba makes it by umask 002
+    is_numbas = mode & _OTHERS_WRITE_BITS == stat.S_IWGRP  # as it makes folders by umask 002
+    if is_numbas and is_own(folder.parent, stat.S_ISDIR):
         folder.parent.chmod(stat.S_IMODE(mode) & ~stat.S_IWGRP)  # what lies in it is looked at below
     for above in folder.parents:
         status = above.stat()

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from catenary.errors import InputError
-from catenary.kernels.tracing import Line, Term, Trace, widths_of
+from catenary.kernels.tracing import FUNCTIONS, Line, Term, Trace, widths_of
 
 _Slopes = dict[tuple[str, int], Term]  # by input: the derivatives that are not zero
 
@@ -26,23 +26,18 @@ def derivative_line(line: Line, by: Sequence[str]) -> Line:
         elif kind in ("sin", "cos"):
             sine, cosine = trace.sine_cosine(values[a])
             values.append(sine if kind == "sin" else cosine)
-            slopes.append(_scaled(slopes[a], cosine if kind == "sin" else -sine))
-        elif kind in ("+k", "*k"):
-            values.append(values[a] + b if kind == "+k" else values[a] * b)
-            slopes.append(slopes[a] if kind == "+k" else _scaled(slopes[a], b))
-        elif kind in ("+", "-", "*"):
-            x, y, dx, dy = values[a], values[int(b)], slopes[a], slopes[int(b)]
-            values.append(x * y if kind == "*" else x + y if kind == "+" else x - y)
-            dx, dy = (_scaled(dx, y), _scaled(dy, x)) if kind == "*" else (dx, dy if kind == "+" else _scaled(dy, -1.0))
-            slopes.append(dx | {key: dx[key] + slope if key in dx else slope for key, slope in dy.items()})
-        else:
+            turned = cosine if kind == "sin" else -sine
+            slopes.append({key: slope * turned for key, slope in slopes[a].items()})
+        elif kind in FUNCTIONS:
             raise InputError(f"{kind}: is not differentiated")
+        else:
+            x, dx = values[a], slopes[a]
+            y, dy = (b, {}) if kind.endswith("k") else (values[int(b)], slopes[int(b)])
+            values.append(x * y if "*" in kind else x - y if kind == "-" else x + y)
+            u, v = (y, x) if "*" in kind else (1.0, -1.0 if kind == "-" else 1.0)  # what each slope is multiplied by
+            slopes.append({key: dx.get(key, 0.0) * u + dy.get(key, 0.0) * v for key in dx | dy})
     found: list[Term] = []
     for result in line.results:
-        sign, slope = (0.0, {}) if isinstance(result, float) else (float(result[0]), slopes[result[1]])
-        found += [slope[key] * sign if key in slope else 0.0 for key in by_what]
+        sign, slope = (0.0, {}) if isinstance(result, float) else (result[0], slopes[result[1]])
+        found += [slope.get(key, 0.0) * sign for key in by_what]
     return trace.line(found)
-
-
-def _scaled(slopes: _Slopes, factor: Term) -> _Slopes:
-    return {key: slope * factor for key, slope in slopes.items()}

@@ -12,7 +12,7 @@ from types import FrameType
 from typing import Any, Self
 
 from catenary.errors import InputError
-from catenary.operating_system import ENDING_SIGNALS, require_single_keys, single_keys
+from catenary.operating_system import ENDING_SIGNALS, HAS_SINGLE_KEYS, single_keys
 
 _ESCAPE = "\x1b"
 # [s] that the rest of an escape sequence may be under way; over SSH it may come in two packets
@@ -59,11 +59,10 @@ class RawTerminal:
     """Standard input and output, while it is entered. Ctrl-C stays an interrupt, Ctrl-Z suspends and comes back."""
 
     def __init__(self) -> None:
-        require_single_keys("teleop")
-        if not (sys.stdin.isatty() and sys.stdout.isatty()):
-            raise InputError("teleop: needs a terminal for keys and screen; over SSH give it one with ssh -t")
+        if not (HAS_SINGLE_KEYS and sys.stdin.isatty() and sys.stdout.isatty()):
+            raise InputError("teleop: needs a terminal of Linux or macOS for keys; over SSH give it one with ssh -t")
         self._in, self._out = sys.stdin.fileno(), sys.stdout.fileno()
-        self._put_back: Callable[[], None] | None = None
+        self._put_back: Callable[[], None] = lambda: None
         self._handlers: dict[int, Any] = {}
         self.ended: str | None = None  # the signal that asked for the end, or that the terminal is gone
         self.wants_suspension = False  # Ctrl-Z: `suspend` when the robot is safe
@@ -116,8 +115,7 @@ class RawTerminal:
 
     def _close(self) -> None:
         self._write(_CLOSE)
-        if self._put_back is not None:
-            self._put_back()
+        self._put_back()
 
     def _write(self, text: str) -> None:
         data = text.encode("utf-8")
