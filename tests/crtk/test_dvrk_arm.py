@@ -1,12 +1,14 @@
 """What dVRK's own classes use beside CRTK (dvrk_python: dvrk.arm, dvrk.psm, dvrk.system), call by call on a loopback."""
 
+from itertools import groupby
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
-from catenary.crtk.message_values import pose_message, pose_of
+from catenary.crtk.message_values import command_message, pose_message, pose_of
 from catenary.crtk.topic_names import CONSOLE_COMMANDS, console_topics
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import Pose, rotation_from_rpy
@@ -133,8 +135,44 @@ def test_desired_state_is_where_the_arm_is_on_its_way_to():
     assert psm.plant.operating_state().is_busy
     psm.wait()
     psm.say("/system/power_off", Empty(), 0.1)
-    assert [one.message.data for one in heard.take()] == ["DISABLED", "ENABLED", "HOMED", "DISABLED"]
+    states = [state for state, _ in groupby(one.message.data for one in heard.take())]
+    assert states == ["DISABLED", "ENABLED", "HOMED", "DISABLED"]
     assert psm.plant.operating_state() == ("DISABLED", True, False)
+
+
+@pytest.mark.parametrize("command", ["enable", "resume", "home", "pause", "disable", "unhome", "dance"])
+@pytest.mark.parametrize("state", ["ENABLED", "PAUSED", "DISABLED"])
+def test_each_state_command_is_answered_by_the_state_before_and_after_it(psm, command: str, state: str):
+    if state != "ENABLED":
+        psm.plant.state_command({"PAUSED": "pause", "DISABLED": "disable"}[state])
+    psm.sleep(0.11)
+    heard = psm.hear("/PSM1/operating_state")
+    psm.sleep(0.01)
+    heard.take()
+    psm.say("/PSM1/state_command", command_message(command, 0), 0.01)
+    before, *after = [one.message for one in heard.take()]
+    assert before.state == state
+    assert {one.state for one in after} == {psm.server.arms["PSM1"].state.state}
+    assert after[0].header.stamp > before.header.stamp
+
+
+def test_a_client_that_enables_what_is_enabled_is_answered_over_and_over(psm):
+    heard = [psm.hear(f"/PSM1/{name}") for name in ("operating_state", "current_state", "desired_state")]
+    for _ in range(3):
+        psm.say("/PSM1/state_command", command_message("enable", 0))
+        assert all(len(one) >= 2 for one in heard)
+        assert {one.message.data for one in heard[1].take()} == {"HOMED"}
+        heard[0].take(), heard[2].take()
+
+
+def test_current_state_tells_that_an_arm_homes():
+    psm = ServedPsm(PsmPlant())
+    heard = psm.hear("/PSM1/current_state")  # latched
+    psm.say("/system/home", Empty(), 0.1)
+    psm.wait()
+    psm.say("/PSM1/state_command", command_message("pause", 0), 0.1)
+    states = [state for state, _ in groupby(one.message.data for one in heard.take())]
+    assert states == ["DISABLED", "HOMING", "HOMED", "PAUSED"]
 
 
 @pytest.mark.parametrize("place", ["console", "system"])

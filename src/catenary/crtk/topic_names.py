@@ -113,7 +113,7 @@ _CRTK: _Verbs = {
 _RATIOS = ("ratio", "ratio_v", "ratio_a")
 # what an arm of sawIntuitiveResearchKit 2.x has besides [jhu-dvrk, ros/dvrk_robot/src/system_ROS.cpp]; out: on change
 _DVRK: _Verbs = {
-    "desired_state": (TEXT, "out"),
+    **dict.fromkeys(("current_state", "desired_state"), (TEXT, "out")),
     "goal_reached": (_SWITCH, "out"),
     "tool_type": (TEXT, "out"),
     **{f"trajectory_j/{ratio}": (_NUMBER, "out") for ratio in _RATIOS},

@@ -67,17 +67,27 @@ def _desired_state(arm: ServedArm) -> str:
     return "HOMED" if state.state == "ENABLED" and (state.is_homed or state.is_busy) else state.state
 
 
+def _current_state(arm: ServedArm) -> str:
+    """Return the state that it is in, in the dVRK's words."""
+    state = arm.state
+    if state.state != "ENABLED" or not (state.is_homed or state.is_busy):
+        return state.state
+    return "HOMED" if state.is_homed else "HOMING"
+
+
 def _ratio(arm: ServedArm) -> float:
     """Return the ratio of speed and acceleration; 0 where they differ, as the dVRK says it."""
     return arm.settings.speed_ratio if arm.settings.speed_ratio == arm.settings.acceleration_ratio else 0.0
 
 
 _BUSY_EVERY_TICKS = 100  # ticks between two operating states of an arm that is busy
+_STATES = ("current_state", "desired_state", "operating_state")  # verbs, in this order with each state command
 _STATE = Event(
     lambda arm: (arm.state, arm.tick // _BUSY_EVERY_TICKS if arm.state.is_busy else 0),
     lambda told, stamp: operating_state_message(told[0], stamp),
 )
 _EVENTS = {  # a dVRK's
+    "current_state": Event(_current_state, lambda state, _: _Text(state)),
     "desired_state": Event(_desired_state, lambda state, _: _Text(state)),
     "goal_reached": Event(
         lambda arm: arm.moves_ended if arm.moves_ended[0] else None, lambda ended, _: _Switch(ended[1])
@@ -221,7 +231,8 @@ class CrtkDialect(Dialect):
     """Speaks for any arms, each in its namespace.
 
     An idle operating state is not repeated: CRTK's Python client takes whatever state comes after its move command for
-    the answer to it.
+    the answer to it. A state command is answered by the state before and after it, also where that is the same: clients
+    wait for the answer. [jhu-dvrk: mtsIntuitiveResearchKitArm, SetDesiredState and StateEvents]
     """
 
     def __init__(self, arms: Mapping[str, ServedArm], listed: Iterable[CrtkTopic] | None = None) -> None:
@@ -242,7 +253,7 @@ class CrtkDialect(Dialect):
         self._events = [
             (arm, event, publishers[verb, name])
             for name, arm in self.arms.items()
-            for verb, event in {"operating_state": _STATE, **_EVENTS}.items()
+            for verb, event in {**_EVENTS, "operating_state": _STATE}.items()
             if (verb, name) in publishers
         ]
         self._happened: list[Any] = [None] * len(self._events)
@@ -255,6 +266,13 @@ class CrtkDialect(Dialect):
                 self._happened[k] = value
                 lazy.publish(event.message(value, now))
         super().publish(now)
+
+    def answer(self, arm: ServedArm, now: int) -> None:
+        """Publish the states before a state command, stamped `now` [ns]; those after it follow."""
+        for k, (whose, event, lazy) in enumerate(self._events):
+            if whose is arm and lazy.topic.verb in _STATES:
+                lazy.publish(event.message(event.value(arm), now))
+                self._happened[k] = None
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
         """Obey a command, as every dialect; what moves nothing is switched in any state."""

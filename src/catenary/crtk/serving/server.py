@@ -152,6 +152,7 @@ class Server:
         self._sources.sort(key=lambda source: not source.topic.commands_state)
         self._others = sum(source.topic.commands_state for source in self._sources)  # where the others begin
         self._commanders = {name: Commander(transport) for name in arms}
+        self._due = begin  # [ns] when the tick was due
         self._arrivals = 0  # messages that were looked at, or wait
         self._is_behind = False  # some wait
         self.publishers = {
@@ -174,12 +175,13 @@ class Server:
     def tick(self, late: float = 0.0) -> None:
         """Read commands, move the arms by a tick, publish; one that is `late` [s] is stamped as it was due."""
         now = self.transport.steady()
-        stamp = self._stamps.next(now - round(late * SECOND))
+        self._due = now - round(late * SECOND)
         self.transport.poll()
         arrivals = self.transport.inbox.arrivals
         if arrivals != self._arrivals or self._is_behind:  # else nothing waits
             self._arrivals = arrivals
             self._take_in(now)
+        stamp = self._stamps.next(self._due)  # after those of answers to state commands
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()
@@ -360,9 +362,10 @@ class Server:
         else:
             arms = [self.arms[topic.arm]]
         for arm in arms:
+            self._dialect.answer(arm, self._stamps.next(self._due))
             ignored = arm.machine.command(text)
             if ignored is not None:
-                self.reports.say(f"{topic.name}: ignored", ignored, now)
+                self.reports.say(f"{topic.name}: ignored", ignored, now, to=(arm.arm,))
             if not arm.is_ready:
                 arm.hold()
                 self._forget_others(arm, now)
