@@ -3,6 +3,7 @@
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from catenary.plant import MotionLog
@@ -12,6 +13,8 @@ from spoilt import SPOILS, Spoil
 
 SPOILT = ("random_train", "insertion_train", "peg_transfer_train")
 UNTOUCHED = (*SPOILT, "sampled_train", *(f"error_exp{k}" for k in range(1, 6)))
+WINDOWS_S, POSE_S = (30.0, 60.0, 120.0, 300.0), 0.4  # [s] of windows, and of a pose where no time was recorded
+EXAMPLES_OF_WINDOWS, LEAST_ROWS = 150, 40
 
 
 @cache
@@ -22,6 +25,20 @@ def log_of(folder: Path, name: str) -> MotionLog:
 @pytest.mark.parametrize("name", UNTOUCHED)
 def test_an_untouched_recording_passes(recordings: Path, name: str) -> None:
     assert [str(f) for f in findings_of(log_of(recordings, name)) if f.refuses] == []
+
+
+@pytest.mark.parametrize("seed", [1, 3])  # thresholds were set on even ones
+def test_untouched_windows_pass_but_where_too_short(recordings: Path, seed: int) -> None:
+    rng, refused = np.random.default_rng(seed), []
+    for _ in range(EXAMPLES_OF_WINDOWS):
+        log = log_of(recordings, UNTOUCHED[rng.integers(len(UNTOUCHED))])
+        step = POSE_S if log.time is None else float(np.median(np.diff(log.time)))
+        rows = min(round(float(rng.choice(WINDOWS_S)) / step), len(log))
+        first = int(rng.integers(0, len(log) - rows + 1))
+        window = log.part(first, first + rows)
+        names = {each.name for each in findings_of(window) if each.refuses}
+        refused += [(log.name, first, rows, names)] * bool(names and window.ok.sum() >= LEAST_ROWS)
+    assert refused == []
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.verdict.check import findings_of
 from catenary.verdict.delay import delay_of
 from catenary.verdict.mend import NO_MEND, Mend
+from drawn_arms.arm import Arm
 from hysteretic_arm import play
 from tests.truth.spoilings import late
 
@@ -51,6 +52,21 @@ def test_a_delay_is_found_within_its_interval_and_mended(seconds):
     error = (mended.q_encoder - log.q_encoder)[mended.ok]
     assert (np.sqrt(np.mean(error**2, axis=0)) < [*np.deg2rad([0.3, 0.3]), 3e-4]).all()
     assert mended.settled == {"delay": (f"{found.seconds:g}",)}
+
+
+@pytest.mark.alike
+@pytest.mark.parametrize("seconds", [0.0, 0.05, 0.15])
+@pytest.mark.parametrize("seed", [1, 3])
+def test_of_one_joint_alone_a_wide_interval_holds_its_delay_and_a_zig_zag_tells_none(seed, seconds):
+    arm = Arm(seed)
+    log = arm.moved("random", 7, 90.0).log
+    behind = late(log, seconds).q_encoder[:, -1]
+    one_late = replace(log, q_encoder=np.column_stack([log.q_encoder[:, :-1], behind]))
+    _, low, high = delay_of(one_late).alone[-1]
+    assert low <= seconds <= high
+    assert high - low < 0.5
+    repeated = delay_of(arm.moved("zigzag", 7, 90.0).log)
+    assert "half a minute of random motion would tell" in str(replace(repeated, sure="none"))
 
 
 @pytest.mark.alike

@@ -49,6 +49,7 @@ _NO_CHANGE = 0.0, 0.0, 0.0
 TOLERANCE_S, _TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: delays below are none; half a row where there are no stamps
 _RESOLUTION_DEG_MM = 1e-3  # [deg, mm] below which nothing is left unexplained
 APART_S, APART_ROWS = 0.08, 2.0  # [s], rows by which joints must differ: slack of an odd law looks like less
+_UNTOLD_S, _UNTOLD_ROWS = 0.5, 6.0  # [s], rows: wider intervals of one joint tell nothing
 _PAUSE_STEPS = 4.0  # steps between rows across which nothing is read
 _CHANGE_SIGMAS = 4.0  # deviations by which a change along the recording must stand out
 _DESCENTS = 6  # of offset and change in turn, each this much finer than the one before
@@ -70,6 +71,7 @@ class Delay:
     apart: tuple[tuple[str, float], ...] = ()  # joints and their own delays, where not all have one
     apart_by: float = 0.0  # deviations by which they stand out
     median: float = 0.0  # of all joints' own delays
+    alone: tuple[tuple[str, float, float], ...] = ()  # each joint's interval where it had a clock of its own
     span: float = 0.0  # [s] of the rows that were read
     middle: float = 0.0  # [s] from the first row of the recording to the middle of these
 
@@ -90,10 +92,21 @@ class Delay:
         if self.sure == "unknown":
             return "whether measurements lie behind commands is not known: too few rows in motion"
         if self.sure == "none":
-            return f"no delay found between commands and measurements; {between} would hide in hysteresis here"
+            hidden = f"{between} would hide in hysteresis here{self._single}"
+            return f"no delay found between commands and measurements; {hidden}"
         where = "late" if self.seconds > 0.0 else "early"
         size = f"measurements {abs(self.seconds):.3f} {self.unit} {where}, {between.replace('any ', '')}"
         return size if self.sure == "certain" else f"perhaps {size}; friction could look the same here"
+
+    @property
+    def _single(self) -> str:
+        """Say what could hide of one joint alone, and of which joints any delay could."""
+        most = _UNTOLD_S if self.unit == "s" else _UNTOLD_ROWS
+        told = [f"{joint} {low:+.2f} to {high:+.2f}" for joint, low, high in self.alone if high - low <= most]
+        untold = [joint for joint, low, high in self.alone if high - low > most]
+        alone = f"; of one joint alone, {', '.join(told)} {self.unit}" if told else ""
+        more = f"; of {', '.join(untold)} alone, any: half a minute of random motion would tell" if untold else ""
+        return alone + more
 
 
 def delay_of(
@@ -140,9 +153,14 @@ def delay_of(
     grid, costs = _scan(looks, coarse, between)
     total = costs[:, :, 0].sum(axis=0)
     best = int(np.argmin(total))
-    turns = np.mean([reversals_of(q[inside, places[i]]) for i in joints])
-    worth = min(LOOKS, float(turns)) + 1e-9
+    turns = [reversals_of(q[inside, places[i]]) for i in joints]
+    worth = min(LOOKS, float(np.mean(turns))) + 1e-9
     low, high = _interval(grid, total, CERTAIN_SIGMAS**2 / worth)
+    alone = []
+    for i, cost, each in zip(joints, costs[:, :, 0], turns, strict=True):
+        first, last = _interval(grid, cost, CERTAIN_SIGMAS**2 / (min(LOOKS, float(each)) + 1e-9))
+        # the delay of all is every joint's, too, until joints are told apart
+        alone.append((log.joint_names[i], min(first, low), max(last, high)))
     near_low, near_high = _interval(grid, total, _LIKELY_SIGMAS**2 / worth)
     sure: Literal["certain", "likely", "none"] = "none"
     if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
@@ -164,7 +182,7 @@ def delay_of(
              for i, look, d, z2 in of_joints if z2 > 1.0]  # fmt: skip
     return Delay(
         seconds, low, high, sure, change, unit, float(total[best]), tuple(apart),
-        apart_by, float(np.median(own)), span, middle,
+        apart_by, float(np.median(own)), tuple(alone), span, middle,
     )  # fmt: skip
 
 

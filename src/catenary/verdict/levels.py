@@ -25,6 +25,7 @@ _SUDDEN_ROWS, _MIN_SUDDEN_DEG_MM = 5, 0.3
 # times any other, that it is: reversals leap too; of untouched real recordings 2.6 and less where it stays
 _ALONE_RATIO = 3.0
 _STAYS_SHARE = 0.5  # of a leap that is left over ten windows: a burst of wild measurements is gone by then
+_MIN_STAY_WINDOWS = 3  # of rows on either side of a leap, that show whether it stays
 _WINDOWS = 50  # windows along the recording
 _MIN_WINDOW_ROWS, _MAX_WINDOW_ROWS = 10, 200  # rows of a window
 _HALF_TURN_DEG = 180.0  # [deg]
@@ -95,6 +96,8 @@ def _leap(pairs: Pairs, joint: int, error: Floats, width: int, least: float, alo
     if abs(leap) < max(least, _CLEAR_RATIO * usual, alone * others) or (after - before) / leap < _STAYS_SHARE:
         return []
     edge = _first_after(error, k, width)
+    if min(edge, len(error) - edge) < _MIN_STAY_WINDOWS * width:
+        return []
     steps = np.abs(np.diff(pairs.q, axis=0)).max(axis=1)
     if alone and steps[max(0, edge - width) : edge + width].max() > _CLEAR_RATIO * np.percentile(steps, 90.0):
         return []  # commands leap too, where recordings were joined

@@ -77,25 +77,54 @@ class Pairs:
 
 
 _SLACK_SHARES = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)  # radii of play, as shares of a joint's range
+_OTHERS_SHARES, _ROWS_A_COLUMN = (0.1, 0.3), 5  # the same of other joints; rows that a column needs
 
 
-def slope_behind_slack(pairs: Pairs, i: int, own: int) -> tuple[float, float]:
-    """Return how far joint i moves for its command once slack is taken up, and the share of variance that explains."""
-    log, scale = pairs.log, scales(pairs.log)
-    q = scale * log.q_nominal
-    rows = np.flatnonzero(log.ok)[pairs.likely[:, i]]
+class BehindSlack(NamedTuple):
+    """How a joint moves for its command once slack is taken up and the other joints' pull is counted."""
+
+    slope: float
+    unexplained: float  # share of the measurement's variance that this leaves
+    of_cables: float  # the same of the best slope that cables allow
+
+
+def behind_slack(pairs: Pairs, i: int, own: int, allowed: tuple[float, float]) -> BehindSlack:
+    """Explain measurement i by play of its command, of any radius, and by other commands and their plays.
+
+    Slopes `allowed` compete with all others: what these explain hardly better needs no wrong scale.
+    """
+    scale = scales(pairs.log)
+    q = scale * pairs.log.q_nominal
+    rows = np.flatnonzero(pairs.log.ok)[pairs.likely[:, i]]
     y = pairs.m[pairs.likely[:, i], i]
     y = y - y.mean()
-    others, command = np.delete(q, own, axis=1)[rows], np.ascontiguousarray(q[:, own])
-    best, slope = np.inf, 0.0
+    size = max(float(y @ y), 1e-12)
+    command, moved = np.ascontiguousarray(q[:, own]), [k for k in np.flatnonzero(pairs.moved) if k != own]
+    columns = [q[:, k] for k in moved]
+    if len(rows) >= _ROWS_A_COLUMN * len(moved) * (1 + len(_OTHERS_SHARES)):  # friction that joints share
+        columns += [
+            play(np.ascontiguousarray(x), share * float(np.ptp(x))) for x in columns for share in _OTHERS_SHARES
+        ]
+    others = np.array(columns).reshape(len(columns), len(q)).T[rows]
+    onto = np.linalg.qr(others - others.mean(axis=0))[0]
+    y = y - onto @ (onto.T @ y)
+    best, of_cables = BehindSlack(0.0, float(y @ y) / size, np.inf), np.inf
     for share in _SLACK_SHARES:
-        X = np.column_stack([play(command, share * float(np.ptp(command)))[rows], others])
-        X = X - X.mean(axis=0)
-        weights = np.linalg.lstsq(X, y, rcond=None)[0]
-        left = float(np.mean((y - X @ weights) ** 2))
-        if left < best:
-            best, slope = left, float(weights[0])
-    return slope, 1.0 - best / max(float(np.mean(y**2)), 1e-12)
+        x = play(command, share * float(np.ptp(command)))[rows]
+        x = x - x.mean()
+        x = x - onto @ (onto.T @ x)
+        slope = float(x @ y) / max(float(x @ x), 1e-12)
+        of_slope = {each: float(np.square(y - each * x).sum()) / size for each in (slope, *_nearest(slope, allowed))}
+        of_cables = min(of_cables, list(of_slope.values())[-1])
+        if of_slope[slope] < best.unexplained:
+            best = BehindSlack(slope, of_slope[slope], np.inf)
+    return best._replace(of_cables=of_cables)
+
+
+def _nearest(slope: float, allowed: tuple[float, float]) -> tuple[float, ...]:
+    """Return the slope nearest to one, of either sign, that is allowed; none where it is itself."""
+    size = min(max(abs(slope), allowed[0]), allowed[1])
+    return () if size == abs(slope) else (float(np.copysign(size, slope)),)
 
 
 def pairs_of(log: MotionLog) -> Pairs | None:

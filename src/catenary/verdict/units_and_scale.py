@@ -9,10 +9,13 @@ from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import MOVED_DEG_MM, Pairs, scales, slope_behind_slack
+from catenary.verdict.pairs import MOVED_DEG_MM, Pairs, behind_slack, scales
 
 _MIN_CORRELATION = 0.5  # correlation from which on a slope means something
-_MIN_EXPLAINED = 0.9  # share of a measurement's variance that slack must explain for its slope to be believed
+_MAX_UNEXPLAINED = 0.1  # share of a measurement's variance, from which on that no slope is believed
+# Times what a wrong scale leaves, below which slack, other joints' friction and a slope of cables are the cause.
+# Friction takes motion away (untouched windows of real wrists: 1.9 and less), nothing adds any (1.13 and less).
+_LESS_MOTION_RATIO, _MORE_MOTION_RATIO = 2.5, 1.5
 # Slopes of measurements on commands reach down to 0.52 on a hysteretic wrist and up to 1.09 on a simulated arm whose
 # weight stretches its cables: a unit's factor within a factor of 2.5 is that unit.
 _UNIT_FACTOR_RATIO = 2.5
@@ -56,18 +59,19 @@ def slope_findings(pairs: Pairs, place: Integers) -> Iterator[Finding]:
             wrong.setdefault(said, []).append(int(i))
             continue
         least = _MIN_TIGHT_SLOPE if abs(r) > _TIGHT_CORRELATION else _MIN_SLOPE
-        moves = f"the measurement moves {si:.3g} times as far as the command"
-        if si <= _MIN_SLOPE:
-            behind, explained = slope_behind_slack(pairs, int(i), int(place[i]))
-            if _MIN_SLOPE < behind < _MAX_SLOPE:
-                continue
-            if explained <= _MIN_EXPLAINED:
-                says = f"{moves}; slack and other joints leave too little motion to tell its scale"
-                yield Finding("scale", (name,), says, "minutes of local motion", refuses=False)
-                continue
-        if not least < si < _MAX_SLOPE:
-            says, remedy = f"{moves} (expected {least:g} to {_MAX_SLOPE:g})", f"--scale {name}={1.0 / si:.4g}"
-            yield Finding("scale", (name,), says, "a transmission ratio or an encoder's counts per turn", remedy)
+        if least < si < _MAX_SLOPE:
+            continue
+        moves = f"the measurement moves {si:.3g} times as far as the command (expected {least:g} to {_MAX_SLOPE:g})"
+        to_si = scales(pairs.log)[i] / scales(pairs.log)[place[i]]
+        found = behind_slack(pairs, int(i), int(place[i]), (least * to_si, _MAX_SLOPE * to_si))
+        if found.of_cables < (_LESS_MOTION_RATIO if si < 1.0 else _MORE_MOTION_RATIO) * found.unexplained:
+            continue
+        if found.unexplained >= _MAX_UNEXPLAINED:
+            says = f"{moves}; slack and other joints leave too little motion to tell its scale"
+            yield Finding("scale", (name,), says, "minutes of local motion", refuses=False)
+            continue
+        remedy = f"--scale {name}={1.0 / si:.4g}"
+        yield Finding("scale", (name,), moves, "a transmission ratio or an encoder's counts per turn", remedy)
     for (array, unit), joints in wrong.items():
         slopes = ", ".join(f"{abs(float(pairs.slope[i, place[i]])):.3g}" for i in joints)
         says = f"the measurement moves {slopes} times as far as the command (expected {_MIN_SLOPE:g} to {_MAX_SLOPE:g})"
