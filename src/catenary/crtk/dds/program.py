@@ -209,8 +209,9 @@ def _interfaces(said: str) -> tuple[str, ...]:
 
     Loopback is named, last: else programs of this machine that keep to it are not seen when they come later.
     """
-    files = [Path(place) for place in re.findall(r"(?:^|,)\s*(?:file://)?([^<,\s][^,]*)", said)]
-    texts = (said, *(one.read_text() for one in files if one.is_file()))
+    files = re.findall(r"(?:^|,)\s*(?:file://)?([^<,\s][^,]*)", said)
+    read = (Path(place) for place in files if os.access(place, os.R_OK))
+    texts = (said, *(one.read_text(errors="replace") for one in read if one.is_file()))
     if _range() == "SYSTEM_DEFAULT" or any("NetworkInterface" in text for text in texts):
         return ("",)
     routes = Path("/proc/net/route")

@@ -356,7 +356,7 @@ def _require_near(arm: ServedArm, q: Floats) -> None:
     for name, unit, way in zip(arm.reported, arm.plant.joint_units, q - arm.setpoint.q, strict=False):
         if abs(way) > _SERVO_REACH[unit]:
             raise InputError(
-                f"servo_jp: {name} is {way:+.3g} {unit} from its setpoint, expected at most {_SERVO_REACH[unit]:g}; "
+                f"{name} is {way:+.3g} {unit} from its setpoint, expected at most {_SERVO_REACH[unit]:g}; "
                 "move_jp goes farther"
             )
 
