@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from catenary.errors import CatenaryError
+from papers import authors
 from papers.catalog import MODULES, experiment, named
 from papers.pages import COMMITTED, publish, raw_results
 from papers.sweep import judge, plan, sweep
@@ -27,7 +28,10 @@ def parser() -> argparse.ArgumentParser:
         allow_abbrev=False,
     )
     made.add_argument(
-        "names", nargs="+", metavar="NAME", help="names of experiments, or all; list; judge or publish NAME ..."
+        "names",
+        nargs="+",
+        metavar="NAME",
+        help="names of experiments, or all; list; judge or publish NAME ...; authors FOLDER of their recordings",
     )
     made.add_argument(
         "--seeds",
@@ -72,16 +76,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
             for name in raw_results(told.names[1:]):
                 judge(name, COMMITTED, told.out)
             return 0
-        names = named(told.names)
+        data = told.data if told.data.is_dir() else None
+        planned = []
+        if told.names[0] == "authors":
+            if len(told.names) != 2:
+                made.error("authors: expected the folder of their recordings")
+            root = Path(told.names[1])
+            planned, told.out = authors.planned(root, quick=told.quick), told.out / f"authors-{authors.digest(root)}"
+        else:
+            for asked in map(experiment, named(told.names)):
+                if asked.needs_data and data is None:
+                    console.print(f"{asked.name}: left out: no recordings in {told.data}; name their folder by --data")
+                else:
+                    planned.append(plan(asked, seeds=told.seeds, quick=told.quick, data=data))
     except CatenaryError as error:
         made.error(str(error))
-    data = told.data if told.data.is_dir() else None
-    planned = []
-    for asked in map(experiment, names):
-        if asked.needs_data and data is None:
-            console.print(f"{asked.name}: left out: no recordings in {told.data}; name their folder by --data")
-        else:
-            planned.append(plan(asked, seeds=told.seeds, quick=told.quick, data=data))
     try:
         failed = sweep(
             planned, told.out, workers=told.workers, cluster=told.cluster, data=data, console=console,

@@ -27,6 +27,7 @@ Paper = Literal["calibration", "gravity", "regressor", "tutorial", "plant", "bey
 Verdict = Literal["reproduced", "same direction", "not reproduced", "not measured"]
 BEYOND = "beyond"  # how the place of a claim begins that stands in no paper
 OF_DRAWN = 2  # trainings of every network of a drawn robot
+Robot = int | None | str  # a drawn one by its seed, the nominal one, or the folder of a real one's recordings
 NOMINAL = None  # the robot that the plant was fitted to; drawn robots have a seed
 
 
@@ -122,14 +123,14 @@ def robots_digest(named: frozenset[str] = frozenset()) -> str:
 class Scope:
     """How much is run: which robots, how often networks are trained, and on what recordings."""
 
-    robots: tuple[int | None, ...] = (NOMINAL, 1, 2, 3, 4, 5)
+    robots: tuple[Robot, ...] = (NOMINAL, 1, 2, 3, 4, 5)
     networks: int = 5  # trainings of every network of the nominal robot, averaged as the paper does of its one
     quick: bool = False  # a minute at most, to see that it runs: no verdicts
     data: Path | None = None  # folder of recordings of real arms
 
-    def networks_of(self, robot: int | None) -> list[int]:
+    def networks_of(self, robot: Robot) -> list[int]:
         """Return the seeds with which networks of a robot are trained: of a drawn one, which tells the spread, two."""
-        return list(range(self.networks if robot is NOMINAL else min(self.networks, OF_DRAWN)))
+        return list(range(min(self.networks, OF_DRAWN) if isinstance(robot, int) else self.networks))
 
 
 class Outcomes:

@@ -285,8 +285,10 @@ def _scoreboard(claims: Sequence[tuple[str, Mapping[str, Any]]], folder: str, wo
 
 
 def _brief(numbers: str, words: int) -> str:
-    """Return numbers as a line holds them: of long ones how many parts hold, where that is told."""
-    if len(numbers.split()) <= words:
+    """Return numbers as a line holds them: of long ones the first, and how many parts hold where that is told."""
+    said = numbers.split()
+    if len(said) <= words:
         return numbers
     counted = re.search(r"\((\d+ of \d+)[^()]*\)$", numbers)
-    return f"holds in {counted[1]} parts" if counted else "…"
+    first = re.match(r"(.*[\d%a-z])\W", " ".join(said[:words]) + " ")
+    return f"{first[1] if first else said[0]} …{f' ({counted[1]} parts hold)' if counted else ''}"

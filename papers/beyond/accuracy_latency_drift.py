@@ -21,14 +21,14 @@ from catenary.calibration.model import CalibrationModel
 from catenary.plant import MotionLog
 from papers.calibration import tables_3_and_4
 from papers.calibration.inputs import SIXTEEN
-from papers.calibration.peer_hours import PEERS, PROCESS, RECURRENT, SPACING, TWO_PHASE, UKF, UKF_TOLD, at_rows
+from papers.calibration.peer_hours import PEERS, PROCESS, RECURRENT, SPACING, TWO_PHASE, UKF, UKF_TOLD
 from papers.calibration.peers.elastic_joints import Filter, identified
 from papers.calibration.peers.gaussian_process import fit_gaussian_process
 from papers.calibration.peers.recurrent import PREVIOUS, fit_recurrent
 from papers.calibration.peers.rows import rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
 from papers.calibration.published import TABLE_3_OURS
-from papers.calibration.recordings import LEARNER, METHODS, NETWORK, calibration_log, draws, fitted, homed
+from papers.calibration.recordings import LEARNER, METHODS, NETWORK, at_rows, calibration_log, draws, fitted, homed
 from papers.calibration.six_hours import OFFSET
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels

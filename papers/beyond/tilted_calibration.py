@@ -24,7 +24,7 @@ from catenary.simulation.base_motion import BaseSamples, FixedBase, MovingBase, 
 from papers.calibration.homings import outside
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.recordings import START, TEST_SECONDS, baselines, draws, fitted, mean, rmse, rows_of, unguarded
-from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, run
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Robot, Scope, run
 from papers.figures import legend_below, log_scale, panels
 from papers.gravity.raven_base import rocking_base, turned_base
 from papers.kit import IN_UNITS, Missing, by_robot, joint_tables, rows
@@ -146,7 +146,7 @@ def base_errors(
     return reached
 
 
-def case(seed: int | None, training: str, inputs: str, scope: Scope, bases: Sequence[str] = tuple(BASES)) -> Case:
+def case(seed: Robot, training: str, inputs: str, scope: Scope, bases: Sequence[str] = tuple(BASES)) -> Case:
     """Return the case of a robot, a training and inputs by their names."""
     parts, seconds = TRAININGS[training], TEST_SECONDS
     if scope.quick:

@@ -12,7 +12,7 @@ import numpy as np
 from catenary.arrays import Floats
 from papers.calibration.recordings import LEARNER, NETWORK, fitted, rows_of, unguarded
 from papers.calibration.six_hours import DENOMINATORS, HOUR, MODELS, OFFSET, TEST_RATE, fit_options, left_by, recorded
-from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, run
+from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Robot, Scope, run
 from papers.figures import METHOD_COLORS, panels
 from papers.gravity.raven_base import SHOWN
 from papers.kit import IN_UNITS, rows, table
@@ -25,7 +25,7 @@ TRUTH = "external encoder"
 
 @run(revision=1)
 def sections(
-    seed: int | None,
+    seed: Robot,
     training_set: str,
     models: Sequence[str],
     seconds: float,

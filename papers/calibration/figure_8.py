@@ -36,7 +36,7 @@ from papers.calibration import published, six_hours
 from papers.calibration.judging import CLEARLY, by_joint, less, statement
 from papers.calibration.recordings import NETWORK, SETS, fitted, network_model, parameters, rows_of, unguarded
 from papers.calibration.six_hours import DENOMINATORS, HOUR, INPUTS, LONGEST, fit_options, joint_rmse, left_by, recorded
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
 from papers.figures import METHOD_COLORS, log_scale, panels
 from papers.kit import IN_UNITS, JOINTS, Missing, by_count, by_robot, filled, mean_and_spread, rows, table, told
 
@@ -72,7 +72,7 @@ def principal(data: CalibrationData) -> tuple[Floats, Floats, Floats]:
 
 @run(revision=1)
 def all_inputs(
-    seed: int | None,
+    seed: Robot,
     columns: str,
     sets: Sequence[str],
     network: int,

@@ -28,10 +28,11 @@ from catenary.arrays import Floats
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
+from catenary.errors import InputError
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
-from papers.calibration import published, recordings
+from papers.calibration import authors, published, recordings
 from papers.calibration.judging import CLEARLY, CONSIDERABLE, less, statement
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
 from papers.figures import legend_below, panels
 from papers.kit import IN_UNITS, Missing, by_count, by_robot, cells, graded, grid, joint_tables, median, rows, told
 
@@ -98,7 +99,7 @@ def random_tests(
 
 @run(revision=1)
 def homing_errors(
-    seed: int | None,
+    seed: Robot,
     seen: int,
     networks: Sequence[int],
     ours: Sequence[int],
@@ -116,21 +117,10 @@ def homing_errors(
         By chain of tests and method: for every combination, RMSE after 0, 1 ... homings on J1 [deg], J2 [deg], J3
         [mm]. `outside`: share of test rows beyond the network's valid range.
     """
-    plant = recordings.homed(seed)
-    first = _part(plant, seed, 0, [before for before, _ in combinations])
-    if seen:
-        tests: Tests = {ONE: random_tests(plant, seed, [0], test_seconds, home_here)}
-        plant.home()
-        second = _part(plant, seed, 1, [after for _, after in combinations])
-        tests[ONE] += random_tests(plant, seed, range(1, homings + 1), test_seconds, home_here)
-    else:
-        second = _part(plant, seed, 1, [after for _, after in combinations])
-        numbers = range(homings + 1)
-        tests = {BASELINE: random_tests(deepcopy(plant), seed, numbers, test_seconds, stay)}
-        tests[NONE] = random_tests(plant, seed, numbers, test_seconds, home_here)
+    parts, tests = _recorded(seed, seen, combinations, homings, test_seconds)
     reached: dict[str, dict[str, list[Any]]] = {chain: {"outside": [], "tool": []} for chain in tests}
     for combination in combinations:
-        train = [part[s] for part, used in zip((first, second), combination, strict=True) for s in used]
+        train = [part[s] for part, used in zip(parts, combination, strict=True) for s in used]
         for name in MODELS:
             models = _trainings(train, recordings.METHODS[name], networks)
             _add(reached, name, [recordings.unguarded(model) for model in models], tests)
@@ -147,6 +137,31 @@ def homing_errors(
     if ours:
         _add(reached, recordings.LEARNER, _trainings(train, recordings.METHODS[recordings.LEARNER], ours), tests)
     return reached
+
+
+def _recorded(
+    seed: Robot, seen: int, combinations: Sequence[Sequence[Sequence[float]]], homings: int, test_seconds: float
+) -> tuple[list[dict[float, MotionLog]], Tests]:
+    """Return both parts of the training, by sparsity, and the tests of each chain."""
+    if isinstance(seed, str):
+        found = authors.homed(seed, seen)
+        if found is None:
+            raise InputError(f"{seed}: no session with {seen} homing(s) in training")
+        parts = [{1 / n: authors.read(paths[0]) for n, paths in found.of(homings=k).items()} for k in (0, seen)]
+        return parts, {ONE if seen else NONE: [authors.read(path) for _, path in sorted(found.homings.items())]}
+    plant = recordings.homed(seed)
+    first = _part(plant, seed, 0, [before for before, _ in combinations])
+    if seen:
+        tests: Tests = {ONE: random_tests(plant, seed, [0], test_seconds, home_here)}
+        plant.home()
+        second = _part(plant, seed, 1, [after for _, after in combinations])
+        tests[ONE] += random_tests(plant, seed, range(1, homings + 1), test_seconds, home_here)
+    else:
+        second = _part(plant, seed, 1, [after for _, after in combinations])
+        numbers = range(homings + 1)
+        tests = {BASELINE: random_tests(deepcopy(plant), seed, numbers, test_seconds, stay)}
+        tests[NONE] = random_tests(plant, seed, numbers, test_seconds, home_here)
+    return [first, second], tests
 
 
 def _part(plant: CablePlant, seed: int | None, number: int, used: Sequence[Sequence[float]]) -> dict[float, MotionLog]:

@@ -6,7 +6,6 @@ recurrent network takes the paper's 16 inputs now and 0.4, 0.8, 1.2 and 1.6 s ag
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,8 +15,9 @@ from papers.calibration.inputs import SIXTEEN
 from papers.calibration.peers.elastic_joints import Filter, identified
 from papers.calibration.peers.gaussian_process import fit_gaussian_process
 from papers.calibration.peers.recurrent import fit_recurrent
-from papers.calibration.peers.rows import Peer, Places, joined, rows_of_log
+from papers.calibration.peers.rows import Peer, joined, rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
+from papers.calibration.recordings import at_rows
 from papers.calibration.six_hours import DENOMINATORS, HOUR, joint_rmse, recorded, tip_rmse
 from papers.experiment import Case, Outcomes, Plain, Result, Scope, run
 
@@ -73,19 +73,6 @@ def peer_hours(
         for name, peers in fits.items():
             found[name].append(_tested(few, [peer.correction(asked, at) for peer in peers]))
     return {**found, "identified": {"stiffness": [round(float(k), 1) for k in joints.stiffness]}}
-
-
-def at_rows(log: MotionLog, at: Places) -> MotionLog:
-    """Return some rows of a recording."""
-    return replace(
-        log,
-        q_nominal=log.q_nominal[at],
-        ok=log.ok[at],
-        q_encoder=None if log.q_encoder is None else log.q_encoder[at],
-        time=None if log.time is None else log.time[at],
-        tau=None if log.tau is None else log.tau[at],
-        signals={name: values[at] for name, values in log.signals.items()},
-    )
 
 
 def _tested(log: MotionLog, corrections: Sequence[Floats]) -> dict[str, Plain]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from catenary import CablePlant, MotionLog, random_sinusoids, record_simulated, zigzag
-from catenary.arrays import Floats
+from catenary.arrays import Floats, Integers
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
@@ -133,3 +133,17 @@ def mean(values: Sequence[Sequence[float]]) -> list[float]:
     """Return the mean over trainings of each joint's error."""
     averaged: Floats = np.mean(values, axis=0)
     return [float(value) for value in averaged]
+
+
+def at_rows(log: MotionLog, at: Integers) -> MotionLog:
+    """Return some rows of a recording."""
+    return replace(
+        log,
+        q_nominal=log.q_nominal[at],
+        ok=log.ok[at],
+        q_encoder=None if log.q_encoder is None else log.q_encoder[at],
+        time=None if log.time is None else log.time[at],
+        qd=None if log.qd is None else log.qd[at],
+        tau=None if log.tau is None else log.tau[at],
+        signals={name: values[at] for name, values in log.signals.items()},
+    )

@@ -28,11 +28,12 @@ from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel, Target
 from catenary.dynamics.kinematics import forward_kinematics
+from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
-from papers.calibration import recordings
+from papers.calibration import authors, recordings
 from papers.calibration.inputs import ALL_138, SIXTEEN, STAMP, STAMPED_138
 from papers.calibration.recordings import LEARNER, METHODS, NETWORK, SETS, fitted, rows_of, unguarded
-from papers.experiment import Case, Outcomes, Plain, Result, Scope, run
+from papers.experiment import Case, Outcomes, Plain, Result, Robot, Scope, run
 from papers.gravity.raven_base import SHOWN
 
 Condition = Literal["idle", "unloaded", "loaded"]
@@ -71,7 +72,7 @@ def denominators(name: str) -> list[int]:
 
 
 def recorded(
-    seed: int | None,
+    seed: Robot,
     condition: Condition,
     *,
     zigzags: Sequence[int] = DENOMINATORS,
@@ -83,6 +84,8 @@ def recorded(
 
     With further columns of the robot's state its other arm is in them, and holds its setpoint meanwhile.
     """
+    if isinstance(seed, str):
+        return _of_authors(seed, condition, columns, test_rate)
     number = CONDITIONS.index(condition)
     plant = recordings.homed(seed, payload=PAYLOAD if condition == "loaded" else 0.0)
     beside = recordings.homed(seed, side="right") if columns else None
@@ -108,6 +111,15 @@ def recorded(
         _stand(plant, min(BRAKED, hour_seconds))
         return Session(train, {0: first, 5: motion(seconds, 5)})
     return Session(train, {hour: motion(hour_seconds, hour) for hour in range(6)})
+
+
+def _of_authors(root: str, condition: Condition, columns: Sequence[str], test_rate: float) -> Session:
+    found = authors.hours(root, condition)
+    if found is None:
+        raise InputError(f"{root}: no session of six hours, {condition}")
+    train = {n: _stamped(authors.read(paths[0], columns)) for n, paths in found.of().items()}
+    test = {hour: _stamped(authors.read(path, columns, test_rate)) for hour, path in sorted(found.hours.items())}
+    return Session(train, test)
 
 
 def _stamped(log: MotionLog) -> MotionLog:
@@ -175,7 +187,7 @@ def _plain(values: Floats | Sequence[float]) -> list[float]:
 
 @run(revision=1)
 def six_hours(
-    seed: int | None,
+    seed: Robot,
     condition: Condition,
     sets: Sequence[str],
     models: Sequence[str],
@@ -263,7 +275,7 @@ def measured(
     columns: str = "16",
 ) -> Floats:
     """Return a model's "errors", "guarded" or "tip", (robots, sets, hours, numbers): sets that every robot has."""
-    robots: dict[int | None, dict[str, list[list[float]]]] = {}
+    robots: dict[Robot, dict[str, list[list[float]]]] = {}
     for told, result in o.items(six_hours, condition=condition, target=target, columns=columns):
         for name, hours in result.get(model, {}).items():
             robots.setdefault(told["seed"], {})[name] = [hour[kind] for hour in hours]

@@ -21,7 +21,7 @@ from papers.calibration.inputs import SIXTEEN
 from papers.calibration.judging import CLEARLY, by_joint, less, statement
 from papers.calibration.recordings import NETWORK, SETS, network_model
 from papers.calibration.six_hours import DENOMINATORS, HOUR, cases_of, measured, recorded, tested
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
+from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
 from papers.kit import IN_UNITS, Missing, by_count, by_robot, cells, grid, joint_tables, rows, sample, table
 
 SHOWN = (NETWORK, "linear", "polynomial")
@@ -35,7 +35,7 @@ WORSE = 2.0  # end to end over on the error; the paper's are 2.5, 3.3 and 9.5
 
 @run(revision=1)
 def more_epochs(
-    seed: int | None,
+    seed: Robot,
     training_set: str,
     epochs: Sequence[int],
     network: int,

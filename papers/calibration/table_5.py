@@ -272,29 +272,38 @@ def _training(o: Outcomes) -> Judgement:
     return statement(within, [train["linear"] < train[NETWORK]], told)
 
 
+def _row_times(o: Outcomes) -> dict[str, tuple[float, float]]:
+    """Return the network's and the linear model's times for a row [us], by a framework's call and as deployed."""
+    found = o.of(speed)[0]
+    return {way: (found[way][NETWORK], found[way]["linear"]) for way in ("framework", "deployed")}
+
+
 @EXPERIMENT.claim(
     "Inference: the linear model fits the 1000 Hz servo loop, the network does not",
     "III, table V",
     "0.38 ms, 61 ms",
-    "as deployed, compiled, the linear model takes at most 1 ms for a row, the network more; same direction: the "
-    f"linear model is more than {FASTER:.0f} times as fast",
+    "by a framework's call for each row, and as deployed, compiled, the linear model takes at most 1 ms, the network "
+    "more; a network that fits the loop in either way refutes it",
     _CALL,
 )
 def _inference(o: Outcomes) -> Judgement:
-    network, linear = (o.of(speed)[0]["deployed"][kind] for kind in KINDS)
-    return graded(linear <= SERVO < network, network > FASTER * linear, f"{network:.3g} us, linear {linear:.3g} us")
+    times = _row_times(o)
+    told = "; ".join(f"{way} {network:.3g} us, linear {linear:.3g} us" for way, (network, linear) in times.items())
+    return graded(all(linear <= SERVO < network for network, linear in times.values()), False, told)
 
 
 @EXPERIMENT.claim(
     "The linear model answers 160 times faster than the network",
     "abstract, table V",
     "61 ms over 0.38 ms, 160 times",
-    f"at least {MUCH_FASTER:.0f} times as deployed, compiled; same direction: more than {FASTER:.0f} times",
+    f"at least {MUCH_FASTER:.0f} times by a framework's call for each row; same direction: more than {FASTER:.0f} "
+    "times, so called and as deployed, compiled",
     _CALL,
 )
 def _times_faster(o: Outcomes) -> Judgement:
-    network, linear = (o.of(speed)[0]["deployed"][kind] for kind in KINDS)
-    return graded(network >= MUCH_FASTER * linear, network > FASTER * linear, f"{network / linear:.1f} times")
+    ratios = {way: network / linear for way, (network, linear) in _row_times(o).items()}
+    told = "; ".join(f"{way} {ratio:.1f} times" for way, ratio in ratios.items())
+    return graded(ratios["framework"] >= MUCH_FASTER, all(ratio > FASTER for ratio in ratios.values()), told)
 
 
 @EXPERIMENT.claim(

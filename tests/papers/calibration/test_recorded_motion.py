@@ -7,8 +7,7 @@ from numpy.testing import assert_allclose
 from catenary import MotionLog
 from papers.calibration import figure_3
 from papers.calibration.figure_5 import LONG, parts
-from papers.calibration.peer_hours import at_rows
-from papers.calibration.recordings import SETS
+from papers.calibration.recordings import SETS, at_rows
 
 
 def test_a_single_directions_volume_is_the_cubes_and_its_hole_half_the_diagonal_between_sweeps() -> None:

@@ -1,0 +1,108 @@
+"""Tables I to V and figures 5 to 9 of the calibration paper on the authors' own recordings: papers authors FOLDER.
+
+The same functions, tables and criteria as on simulated robots; what the folder lacks, and what only a simulation can
+tell, is left out. Results lie beside the simulated ones, in a folder named by the recordings' names and sizes.
+"""
+
+import hashlib
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from papers.calibration import authors, figure_5, homings, six_hours, table_1
+from papers.calibration.figure_7 import sections
+from papers.calibration.figure_8 import all_inputs
+from papers.calibration.table_2 import more_epochs
+from papers.catalog import experiment
+from papers.experiment import Case, Experiment, Judge, Judgement, Outcomes, Run, Scope
+from papers.kit import NOT_MEASURED, Missing
+from papers.sweep import Planned
+
+NAMES = (
+    *(f"calibration-{name}" for name in ("table-1", "figure-5", "figure-6", "figure-7", "figure-8", "table-2")),
+    *(f"calibration-{name}" for name in ("figure-9", "table-3", "table-4", "table-5")),
+)
+Arguments = dict[str, Any]
+
+
+def digest(root: Path) -> str:
+    """Return eight hexadecimal digits of the names and sizes of a folder's files."""
+    said = [f"{path.relative_to(root)} {path.stat().st_size}" for path in sorted(root.rglob("*.csv"))]
+    return hashlib.sha256("\n".join(said).encode()).hexdigest()[:8]
+
+
+def planned(root: Path, *, quick: bool = False) -> list[Planned]:
+    """Return the experiments that a folder of recordings holds something of; refused where no file is the authors'."""
+    robot = str(root.resolve())
+    authors.folders(robot)
+    scope, found = Scope((robot,), networks=1 if quick else Scope.networks), []
+    for asked in map(experiment, NAMES):
+        if cases := tuple(dict.fromkeys(_there(asked, scope, robot))):
+            claims = [replace(one, judge=_as_far_as_measured(one.judge), why="", fitted=False) for one in asked.claims]
+            found.append(Planned(replace(asked, simulated=False, claims=claims), scope, cases))
+    return found
+
+
+def _there(asked: Experiment, scope: Scope, robot: str) -> Iterator[Case]:
+    for case in asked.cases(scope):
+        function, told = case.load(), case.arguments
+        if function is sections:  # figure 7, of the nominal robot alone
+            told["seed"] = robot
+        fitting = _FITTING.get(function)
+        if told.get("seed") == robot and fitting is not None and (kept := fitting(told)) is not None:
+            yield function.case(**kept)
+
+
+def _of_hours(told: Arguments) -> Arguments | None:
+    session = authors.hours(told["seed"], told.get("condition", "unloaded"))
+    if session is None:
+        return None
+    recorded = set(session.of())
+    for name in ("sets", "ours"):
+        if name in told:
+            told[name] = [one for one in told[name] if set(six_hours.denominators(one)) <= recorded]
+    asked = told["sets"] if "sets" in told else [told["training_set"]]
+    return told if asked and all(set(six_hours.denominators(one)) <= recorded for one in asked) else None
+
+
+def _of_homings(told: Arguments) -> Arguments | None:
+    session = authors.homed(told["seed"], told["seen"])
+    if session is None:
+        return None
+    first, second = (set(session.of(homings=k)) for k in (0, told["seen"]))
+    told["combinations"] = [
+        parts
+        for parts in told["combinations"]
+        if all({round(1 / s) for s in part} <= have for part, have in zip(parts, (first, second), strict=True))
+    ]
+    told["homings"] = len(session.homings) - 1
+    return told if told["combinations"] else None
+
+
+def _of_direction(told: Arguments) -> Arguments | None:
+    return told if any(True for _ in authors.tested(told["seed"], told["direction"])) else None
+
+
+def _of_sparsities(told: Arguments) -> Arguments | None:
+    session = next(authors.tested(told["seed"], "J2-J3"), None)
+    there = session is not None and {int(part[2:]) for part in figure_5.parts(told["name"])} <= set(session[0].of())
+    return told if there else None
+
+
+# what a case asks of the folder, by its function
+_FITTING: dict[Run, Callable[[Arguments], Arguments | None]] = {
+    **dict.fromkeys((six_hours.six_hours, more_epochs, all_inputs, sections), _of_hours),
+    homings.homing_errors: _of_homings, table_1.direction_errors: _of_direction,
+    figure_5.sparsity_errors: _of_sparsities,
+}  # fmt: skip
+
+
+def _as_far_as_measured(judge: Judge) -> Judge:
+    def judged(o: Outcomes) -> Judgement:
+        try:
+            return judge(o)
+        except (Missing, LookupError, ValueError):  # parts that the folder lacks
+            return NOT_MEASURED
+
+    return judged

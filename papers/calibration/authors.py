@@ -1,0 +1,102 @@
+"""The authors' own recordings in a simulated robot's place: what a folder of them holds, by its files' names.
+
+Peng et al.'s files have RAVEN-II's 252 columns and the names that their published notebook reads (github
+HaonanPeng/RAVEN-2-Feature-Ablation, whose README links the data): `data_record_yz_025.csv` are zig-zags of J2-J3 (axes
+x, y, z are J1, J2, J3) at 1/4, `_1` their first repetition, `_hm1` recorded after one homing;
+`data_record_rand1200_h3.csv` is random motion in hour 3, `_hm3` after three homings. A folder of files is one session.
+A robot is told here by the path of a folder that holds such folders.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from catenary import MotionLog
+from catenary.errors import InputError
+from catenary.recording.import_formats.known_layouts import read_raven
+from catenary.trajectories.zigzag import Direction
+from papers.calibration.recordings import at_rows
+
+_SPARSITIES = {"05": 2, "03": 3, "025": 4, "02": 5, "016": 6}  # in names, and their denominators
+_AXES = {"x": "J1", "y": "J2", "z": "J3"}
+_NAME = re.compile(
+    r"data_record_(?:(?P<axes>x?y?z?)|rand\d*)(?:_(?P<sparsity>05|03|025|02|016))?"
+    r"(?:_(?P<again>\d+))?(?:_h(?P<hour>\d))?(?:_hm(?P<homing>\d))?\.csv"
+)
+
+
+@dataclass
+class Folder:
+    """Files of one session."""
+
+    path: Path
+    zigzags: dict[tuple[Direction, int, int], list[Path]] = field(default_factory=dict)  # denominator, homings before
+    hours: dict[int, Path] = field(default_factory=dict)
+    homings: dict[int, Path] = field(default_factory=dict)
+    random: dict[int, Path] = field(default_factory=dict)  # after zig-zags of that denominator; 0 where none is said
+
+    @property
+    def condition(self) -> str:
+        """Of six hours: what the arm did, by the folder's name."""
+        name = self.path.name
+        return "idle" if "idle" in name else "loaded" if "loaded" in name.replace("unloaded", "") else "unloaded"
+
+    def of(self, direction: Direction = "J2-J3", homings: int = 0) -> dict[int, list[Path]]:
+        """Return zig-zags of a direction by denominator, the coarsest first."""
+        found = {n: paths for (d, n, after), paths in self.zigzags.items() if (d, after) == (direction, homings)}
+        return dict(sorted(found.items()))
+
+
+def folders(root: str) -> list[Folder]:
+    """Return the sessions below a folder; refused where there is none."""
+    found: dict[Path, Folder] = {}
+    for path in sorted(Path(root).rglob("data_record_*.csv")):
+        said = _NAME.fullmatch(path.name)
+        if said is None:
+            continue
+        one = found.setdefault(path.parent, Folder(path.parent))
+        n, homing = _SPARSITIES.get(said["sparsity"] or "", 0), int(said["homing"] or 0)
+        if said["axes"] and n:
+            direction: Direction = "-".join(_AXES[axis] for axis in said["axes"])  # type: ignore[assignment]
+            one.zigzags.setdefault((direction, n, homing), []).append(path)
+        elif not said["axes"]:
+            place, key = (one.homings, homing) if said["homing"] else (one.random, n)
+            place, key = (one.hours, int(said["hour"])) if said["hour"] else (place, key)
+            place[key] = path
+    if not found:
+        zips = ", ".join(path.name for path in sorted(Path(root).rglob("*.zip"))[:4])
+        raise InputError(
+            f"{root}: no file is called as the authors' are, data_record_yz_05.csv or data_record_rand1200_h0.csv"
+            + (f"; unpack {zips} first" if zips else "")
+        )
+    return list(found.values())
+
+
+def read(path: Path, columns: Sequence[str] = (), rate: float | None = None) -> MotionLog:
+    """Read a file; thinned to about a rate [Hz] where one is given."""
+    log = read_raven([path], columns=columns).log
+    if rate is None:
+        return log
+    every = max(1, round(1.0 / (rate * float(np.median(np.diff(np.asarray(log.time)))))))
+    return at_rows(log, np.arange(0, len(log), every))
+
+
+def hours(root: str, condition: str) -> Folder | None:
+    """Return the session of six hours under a condition."""
+    return next((one for one in folders(root) if one.hours and one.condition == condition), None)
+
+
+def homed(root: str, seen: int) -> Folder | None:
+    """Return the session of tests after homings, of which training saw `seen`."""
+    return next((one for one in folders(root) if one.homings and bool(one.of(homings=1)) == bool(seen)), None)
+
+
+def tested(root: str, direction: Direction) -> Iterator[tuple[Folder, Path]]:
+    """Yield sessions with zig-zags of a direction, each with a random motion right after."""
+    for one in folders(root):
+        tests = [*one.random.values(), *(one.hours[k] for k in (0,) if k in one.hours)]
+        if one.of(direction) and tests:
+            yield one, tests[0]
