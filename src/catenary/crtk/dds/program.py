@@ -211,11 +211,12 @@ def _interfaces(said: str) -> tuple[str, ...]:
     """
     files = re.findall(r"(?:^|,)\s*(?:file://)?([^<,\s][^,]*)", said)
     read = (Path(place) for place in files if os.access(place, os.R_OK))
-    texts = (said, *(one.read_text(errors="replace") for one in read if one.is_file()))
+    texts = (said, *(one.read_text(encoding="utf-8", errors="replace") for one in read if one.is_file()))
     if _range() == "SYSTEM_DEFAULT" or any("NetworkInterface" in text for text in texts):
         return ("",)
     routes = Path("/proc/net/route")
-    is_offline = routes.is_file() and all(line.startswith("lo\t") for line in routes.read_text().splitlines()[1:])
+    lines = routes.read_text(encoding="utf-8").splitlines() if routes.is_file() else ["", "unknown"]
+    is_offline = all(line.startswith("lo\t") for line in lines[1:])
     others = '<NetworkInterface autodetermine="true" priority="1"/>' if _reaches_others() and not is_offline else ""
     loopback = '<NetworkInterface address="127.0.0.1" priority="0" multicast="false"/>'
     return f"<Interfaces>{others}{loopback}</Interfaces>", ""
