@@ -24,6 +24,7 @@ from zlib import crc32
 
 from catenary.config import parse_json
 from catenary.errors import InputError, RecordingError
+from catenary.operating_system import OWN_FILE, sync_folder
 from catenary.recording.messages import fields, full_definition
 
 LIBRARY = "catenary journal 2"  # by which a file is known as a journal's
@@ -275,12 +276,8 @@ class JournalWriter:
         self._first, self._last = 2**63, 0  # [ns] arrivals in it
         self._counts = [0] * len(self._numbers)
         try:
-            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
-            folder = os.open(self.folder, os.O_RDONLY)
-            try:
-                os.fsync(folder)  # or the file's name may not survive a power cut
-            finally:
-                os.close(folder)
+            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OWN_FILE, 0o644)
+            sync_folder(self.folder)  # or the file's name may not survive a power cut
         except OSError as error:
             self._error = error
             return
