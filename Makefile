@@ -55,7 +55,7 @@ test-slow: $(VENV)/.development
 DISTROS ?= kilted jazzy
 test-ros2: $(VENV)/.development
 	CRTK_MSGS=1 .ci/ros2 $(DISTROS)
-	$(BIN)/python -m pytest -rs tests/crtk/dds/test_real_ros2.py -m slow
+	$(BIN)/python -m pytest -rs tests/crtk/dds/test_real_ros2.py tests/crtk/dds/test_users_environment.py -m ""
 
 lint: $(VENV)/.development
 	$(BIN)/ruff format --check .
