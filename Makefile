@@ -16,7 +16,7 @@ export PYTHONDONTWRITEBYTECODE =
 
 
 .PHONY: demo acceptance test test-slow test-ros2 lint campaign campaign-short bench bench-dds bench-serving clean help
-.PHONY: papers refit docs truth pictures
+.PHONY: papers refit docs truth pictures notebooks
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -32,6 +32,7 @@ help:
 	@echo "make bench-serving  a served robot and a client that hears every topic, by sockets and by rospy: rate, loss, latency, processor time, memory; a model deployed beside it (25 minutes)"
 	@echo "make truth       hold what commands claim against the truth, on recordings spoilt in 17 ways (minutes); rewrites tests/truth/table.md"
 	@echo "make docs        the documentation site into build/site: open build/site/index.html"
+	@echo "make notebooks   the examples as notebooks into build/notebooks"
 	@echo "make pictures    the pictures of docs/images, of today's demo and view (minutes; needs Chromium)"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
 	@echo "make refit       fit the RAVEN-II with friction to a paper and a recording again (15 minutes); rewrites its data file"
@@ -54,7 +55,7 @@ test-slow: $(VENV)/.development
 DISTROS ?= kilted jazzy
 test-ros2: $(VENV)/.development
 	CRTK_MSGS=1 .ci/ros2 $(DISTROS)
-	$(BIN)/python -m pytest -rs tests/crtk/dds/test_real_ros2.py -m slow
+	$(BIN)/python -m pytest -rs tests/crtk/dds/test_real_ros2.py tests/crtk/dds/test_users_environment.py -m ""
 
 lint: $(VENV)/.development
 	$(BIN)/ruff format --check .
@@ -90,6 +91,9 @@ bench-serving: $(VENV)/.development
 PAPER ?= all
 papers: $(VENV)/.papers
 	$(BIN)/python -m papers $(PAPER) --workers $(shell nproc) --data $(CATENARY_DATA) $(if $(QUICK),--quick)
+
+notebooks: $(VENV)/.development
+	$(BIN)/python -m tests.notebooks build/notebooks
 
 docs: $(VENV)/.documentation
 	$(BIN)/python -m zensical build --strict --clean

@@ -27,7 +27,7 @@ class Compensation:
         self.pd = catenary.JointPD(stiffness * share, 0.05 * stiffness * share)
         self.hold, self.gravity = catenary.gravity_kernel(arm), gravity
 
-    def torque(self, state, reference):  # noqa: D102
+    def torque(self, state, reference):
         return self.pd.torque(state, reference) + self.hold(state.q, self.gravity)
 
 

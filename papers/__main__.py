@@ -11,7 +11,7 @@ from rich.console import Console
 from catenary.errors import CatenaryError
 from papers import authors
 from papers.catalog import MODULES, experiment, named
-from papers.pages import COMMITTED, publish, raw_results
+from papers.pages import COMMITTED, confirm, publish, raw_results
 from papers.sweep import judge, plan, sweep
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -31,7 +31,7 @@ def parser() -> argparse.ArgumentParser:
         "names",
         nargs="+",
         metavar="NAME",
-        help="names of experiments, or all; list; judge or publish NAME ...; authors FOLDER of their recordings",
+        help="names of experiments, or all; list; judge, confirm or publish NAME ...; authors FOLDER",
     )
     made.add_argument(
         "--seeds",
@@ -71,6 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if told.names[0] == "publish":
             for path in publish(told.out, named(told.names[1:]) if told.names[1:] else None):
                 print(path)
+            return 0
+        if told.names[0] == "confirm":
+            confirm(named(told.names[1:]))
             return 0
         if told.names[0] == "judge":
             for name in raw_results(told.names[1:]):

@@ -15,8 +15,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from catenary.reports.page import Table
 from catenary.simulation.cable_parameters import RAVEN2
+from catenary.tables import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

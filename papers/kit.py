@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.reports.page import Table
+from catenary.tables import Table
 from papers.experiment import Case, Judgement, Outcomes, Plain, Run, TitledTable
 
 JOINTS = ("J1", "J2", "J3")

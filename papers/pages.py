@@ -11,12 +11,16 @@ Every experiment has a page, docs/results/NAME.md, with all that it left. A docu
 
 docs/results/claims.md has every claim, a line each.
 
+A reason holds for the numbers that it was read with: `python -m papers confirm NAME ...` says that somebody has read an
+experiment's reasons beside its tables. Where numbers change, they are marked, and a test fails, until it is said again.
+
 `python -m papers publish` writes pages and blocks, and a test holds them against the committed tables. What was
 measured comes from these. Reasons, and which numbers the robot was fitted to, come from the experiments, so that
 telling them better needs no run. Nor does telling or judging otherwise what was measured: `python -m papers judge`
 makes tables, pictures and verdicts of the committed raw results.
 """
 
+import hashlib
 import json
 import re
 from collections import Counter
@@ -38,6 +42,8 @@ PICTURES = PAGES / "images" / "papers"
 RESULTS = PAGES / "results"
 BLOCK = re.compile(r"(<!-- papers (?P<what>[^>]*?) -->\n).*?(\n?<!-- end -->)", re.DOTALL)
 OLDER = "Older: judged by a criterion that has been corrected since; it is judged by the new one when it runs next."
+STALE = " (of older numbers: not read again since they changed)"
+REASONS = Path(__file__).parent / "reasons.json"
 MARKS = {"reproduced": "✓", "same direction": "~", "not reproduced": "✗", "not measured": "-"}
 LEGEND = "✓ reproduced, ~ same direction, ✗ not reproduced, - not judged yet"
 # names of groups of claims and the pages that are about them
@@ -141,16 +147,40 @@ def as_told_today(content: Mapping[str, Any]) -> dict[str, Any]:
     A claim that has another criterion since it was judged is marked as older, and one that is new is not measured: both
     are judged when the experiment runs next.
     """
-    today = experiment(content["name"])
+    today, read = experiment(content["name"]), _reasons_read().get(content["name"], {})
     judged = {claim["says"]: claim for claim in content["claims"]}
     claims = []
     for one in today.claims:
         new = {"says": one.says, "place": one.place, "published": one.published, "criterion": one.criterion}
         claim = judged.get(one.says, {**new, **NOT_MEASURED._asdict()})
-        claims.append({**claim, "why": one.why, "fitted": one.fitted, "older": claim["criterion"] != one.criterion})
+        stale = bool(one.why) and read.get(one.says) != _reason_of(one.why, claim.get("measured", ""))
+        told = {"why": one.why, "stale": stale, "fitted": one.fitted, "older": claim["criterion"] != one.criterion}
+        claims.append(claim | told)
     return {
         **content, "simulated": today.simulated, "recordings": today.needs_data, "about": today.about, "claims": claims,
     }  # fmt: skip
+
+
+def confirm(names: Sequence[str]) -> None:
+    """Say that the reasons of experiments have been read beside today's numbers."""
+    read = _reasons_read()
+    for name, content in committed().items():
+        if name in names:
+            of_claims = {
+                one["says"]: _reason_of(one["why"], one["measured"]) for one in content["claims"] if one["why"]
+            }
+            read[name] = dict(sorted(of_claims.items()))
+    write_atomically(REASONS, (json.dumps(dict(sorted(read.items())), indent=1) + "\n").encode())
+
+
+def _reasons_read() -> dict[str, dict[str, str]]:
+    found: dict[str, dict[str, str]] = json.loads(REASONS.read_text(encoding="utf-8")) if REASONS.exists() else {}
+    return found
+
+
+def _reason_of(why: str, measured: str) -> str:
+    """Return eight hexadecimal digits of a reason and the numbers that it is given for."""
+    return hashlib.sha256(f"{why}\n{measured}".encode()).hexdigest()[:8]
 
 
 def with_blocks(text: str, results: Results) -> str:
@@ -198,7 +228,7 @@ def page_of(content: Mapping[str, Any]) -> str:
         parts += ["## Claims", markdown(content_of)]
         parts += [FITTED] if any(claim["fitted"] for claim in claims) else []
         parts += [OLDER] if any(claim.get("older") for claim in claims) else []
-        parts += [f"*{claim['says']}*: {claim['why']}" for claim in claims if claim["why"]]
+        parts += [f"*{one['says']}*: {one['why']}{STALE * one.get('stale', False)}" for one in claims if one["why"]]
     parts.append(f"*{told_of(content)} `python -m papers {content['name']}`*")
     return "\n\n".join(parts) + "\n"
 

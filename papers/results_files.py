@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from catenary.files import json_text, write_atomically
-from catenary.reports.page import Block, Heading, Remarks, Table, Text, picture, write_page
+from catenary.reports.page import Block, Heading, Remarks, Text, picture, write_page
+from catenary.tables import Table
 from papers.experiment import Case, Claim, Experiment, Judgement, Outcomes, Report, Scope
 from papers.kit import NOT_MEASURED, Missing
 from papers.store import Finished, write_raw

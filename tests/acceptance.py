@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dds import LOOPBACK, VARIABLES, free_domain
+from dds import VARIABLES, free_domain
 from ros import COMMAND, ROOT, running_master
 from ros2 import DISTRIBUTIONS, place_of, sourced
 
@@ -25,6 +25,7 @@ from ros2 import DISTRIBUTIONS, place_of, sourced
 PROGRAMS = {
     "dvrk_psm_test.py": ("dvrk_python", ("-a", "PSM1"), False),
     "dvrk_arm_test.py": ("dvrk_python", ("-a", "PSM1"), False),
+    "dvrk_move_wait_test.py": ("dvrk_python", ("-a", "PSM1"), True),  # enables what is enabled
     "crtk_servo_jp_example.py": ("crtk_python_client", ("PSM1",), True),
     "crtk_move_cp_example.py": ("crtk_python_client", ("PSM1",), True),
 }
@@ -72,7 +73,6 @@ def outcome(ros: str, by: str, program: str, programs: Path) -> str:
         arguments = ["serve", "--robot", "dvrk_psm", "--homed", "--rate", RATE, "--ros", "1" if ros == "1" else "2"]
         ours = {**environment, "PYTHONPATH": str(ROOT / "src")}
         if ros != "1":
-            ours["CYCLONEDDS_URI"] = LOOPBACK
             arguments += ["--transport", by]
         if by == "rclpy":
             ours |= {key: value for key, value in sourced(ros).items() if os.environ.get(key) != value}

@@ -36,7 +36,7 @@ IN_REAL_TIME = (
 FIRST = (
     "real time", "tests/view/test_in_browser.py", "tests/test_docs.py", "tests/end_to_end/test_without_home.py",
     "tests/cli/test_calibrate.py", "tests/real_data/test_identification.py", "tests/website/test_site.py",
-    "tests/cli/test_gravity.py",
+    "tests/cli/test_gravity.py", "tests/test_other_systems.py",
 )  # fmt: skip
 EXAMPLES = int(os.environ.get("EXAMPLES", "25"))  # of each law, and of a hundred cases alike; 100 tries all
 LONGEST_OUTPUT = 200_000  # characters of a test that are kept of each stream

@@ -6,7 +6,7 @@ python -m tests.crtk_package FOLDER [CLONE]
 import sys
 from pathlib import Path
 
-from catenary.recording.messages import SERVICES, fields
+from catenary.recording.messages import MESSAGES, SERVICES, full_definition
 
 CMAKE = """cmake_minimum_required(VERSION 3.16)
 project(crtk_msgs)
@@ -29,8 +29,9 @@ def definitions(clone: Path | None) -> dict[str, str]:
     if clone is not None:
         return {f"{one.parent.name}/{one.name}": one.read_text() for one in clone.glob("*/*.[ms][sr][gv]")}
     files: dict[str, str] = {}
-    for name in ("OperatingState", "StringStamped"):
-        files[f"msg/{name}.msg"] = "".join(f"{one.type} {one.name}\n" for one in fields(f"crtk_msgs/{name}"))
+    for name in MESSAGES:
+        if name.startswith("crtk_msgs/"):
+            files[f"msg/{name.partition('/')[2]}.msg"] = full_definition(name).partition("\n===")[0]
     for name, (request, response) in SERVICES.items():
         if name.startswith("crtk_msgs/"):
             files[f"srv/{name.partition('/')[2]}.srv"] = f"{request}---\n{response}"

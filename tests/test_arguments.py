@@ -39,6 +39,8 @@ CALLS: dict[str, dict[str, Any]] = {
     "mass_matrix": POSE,
     "inverse_dynamics": {**POSE, "qd": ZERO, "qdd": ZERO, "gravity": DOWN},
     "coriolis_matrix": {**POSE, "qd": ZERO},
+    "torque_derivatives": {**POSE, "qd": ZERO, "qdd": ZERO, "gravity": DOWN},
+    "frame_motion": {**POSE, "qd": ZERO, "qdd": ZERO},
     "jacobian": POSE,
     "forward_kinematics": POSE,
     "inverse_kinematics": {"model": ARM, "pose": catenary.forward_kinematics(ARM, Q), "q_start": Q},

@@ -115,6 +115,18 @@ def test_an_interrupted_file_leaves_what_was_there(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
 
 
+def test_what_may_be_under_way_is_swept_by_age_where_a_file_is_closed_before_it_is_moved(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("catenary.files.OPEN_FILES_CAN_MOVE", False)
+    young, old = (tmp_path / f".{digit * 16}.partial" for digit in "ab")
+    for path in (young, old):
+        path.write_bytes(b"half")
+    os.utime(old, (time.time() - 3600.0,) * 2)
+    write_atomically(tmp_path / "a", b"now")
+    assert {path.name for path in tmp_path.iterdir()} == {"a", young.name}
+
+
 def test_a_damaged_file_is_named_with_what_makes_it_again(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_bytes(b"")

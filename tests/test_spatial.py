@@ -97,6 +97,33 @@ def test_what_is_no_proper_rotation_is_refused(matrix, words):
         spatial.as_rotation("R", matrix)
 
 
+@given(poses)
+def test_a_pose_survives_the_way_through_its_matrix(pose):
+    again = spatial.as_pose("T", pose.matrix)
+    assert_allclose(again.rotation, pose.rotation)
+    assert_allclose(again.position, pose.position)
+    assert spatial.Pose(np.stack([pose.rotation] * 2), np.stack([pose.position] * 2)).matrix.shape == (2, 4, 4)
+
+
+SHIFTED = np.block([[np.eye(3), np.array([[0.1], [0.2], [0.3]])], [np.zeros((1, 3)), np.ones((1, 1))]])
+
+
+@pytest.mark.parametrize(
+    ("matrix", "words"),
+    [
+        (SHIFTED.T, r"T: expected a last row 0 0 0 1 of a homogeneous matrix, got .*; it is transposed"),
+        (SHIFTED + np.outer([0, 0, 0, 1], [0, 0, 0, 0.5]), "T: expected a last row 0 0 0 1"),
+        (SHIFTED @ np.diag([1.0, 1.0, -1.0, 1.0]), "T rotation: expected a rotation matrix, .*determinant -1"),
+        (SHIFTED @ np.diag([1.1, 1.0, 1.0, 1.0]), "T rotation: expected a rotation matrix"),
+        (SHIFTED[:3], r"T, a Pose or a homogeneous matrix: expected shape \(4, 4\), got \(3, 4\)"),
+        (SHIFTED * np.nan, "expected finite numbers"),
+    ],
+)  # fmt: skip
+def test_a_matrix_that_is_no_rigid_motion_is_refused(matrix, words):
+    with pytest.raises(InputError, match=words):
+        spatial.as_pose("T", matrix)
+
+
 @given(st.lists(st.tuples(poses, poses), min_size=1, max_size=4), poses)
 def test_many_poses_compose_row_by_row(pairs, common):
     first, second = (

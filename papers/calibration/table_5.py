@@ -239,7 +239,7 @@ def _accuracy_unloaded(o: Outcomes) -> Judgement:
     "by 0.015 deg, 0.109 deg, 0.124 mm",
     f"its error of six hours, three longest training sets, is less, {CLEARLY}, on every joint; same direction: on two",
     "most of six hours' error is drift, which neither model knows; at once after training the network is better on "
-    "joint 1 alone (table I)",
+    "joint 3 alone (table I)",
 )
 def _accuracy_loaded(o: Outcomes) -> Judgement:
     return _better(o, LONGEST, ("loaded",))
@@ -251,8 +251,8 @@ def _accuracy_loaded(o: Outcomes) -> Judgement:
     "by 0.052 deg, 0.189 deg, -0.037 mm unloaded; 0.128 deg, 0.360 deg, 0.178 mm loaded",
     f"its error of six hours, three shortest training sets, is less, {CLEARLY}, on the five of six where the paper's "
     "is; same direction: on more than half. Figure 5 judges the same right after training",
-    "the shortest zig-zags are enough for a linear model of the simulated robot: after them its errors are a few per "
-    "cent larger than after the longest, at most",
+    "the shortest zig-zags are enough for a linear model of the simulated robot: after them its errors are a tenth "
+    "larger than after the longest, at most",
 )
 def _hunger(o: Outcomes) -> Judgement:
     return _better(o, SHORTEST, CONDITIONS)

@@ -18,6 +18,7 @@ from catenary.crtk.client import CrtkClient as CrtkClient
 from catenary.dynamics.external_torque import MomentumObserver as MomentumObserver
 from catenary.dynamics.external_torque import external_torque as external_torque
 from catenary.dynamics.external_torque import external_wrench as external_wrench
+from catenary.dynamics.frame_motion import frame_motion as frame_motion
 from catenary.dynamics.inverse_dynamics import BaseMotion as BaseMotion
 from catenary.dynamics.inverse_dynamics import coriolis_matrix as coriolis_matrix
 from catenary.dynamics.inverse_dynamics import forward_dynamics as forward_dynamics
@@ -27,6 +28,7 @@ from catenary.dynamics.inverse_kinematics import inverse_kinematics as inverse_k
 from catenary.dynamics.kinematics import forward_kinematics as forward_kinematics
 from catenary.dynamics.kinematics import jacobian as jacobian
 from catenary.dynamics.robot_kernels import gravity_kernel as gravity_kernel
+from catenary.dynamics.torque_derivatives import torque_derivatives as torque_derivatives
 from catenary.dynamics.torque_regressor import torque_regressor as torque_regressor
 from catenary.errors import CatenaryError as CatenaryError
 from catenary.errors import DataError as DataError

@@ -97,6 +97,10 @@ def imported(module: str, why: str, extra: str) -> Any:
         raise MissingPackageError(f"{why}: {to_install(extra)}") from error
 
 
+class UnsupportedSystemError(CatenaryError):
+    """This operating system lacks what is needed; the message says which has it."""
+
+
 class UnreachablePoseError(CatenaryError, ValueError):
     """No configuration within the joint limits reaches the pose that was asked for."""
 

@@ -1,8 +1,6 @@
 """Files that appear whole or not at all, their fingerprints, and JSON that every reader takes."""
 
 import contextlib
-import errno
-import fcntl
 import hashlib
 import json
 import math
@@ -16,6 +14,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from catenary.errors import FileFormatError
+from catenary.operating_system import OPEN_FILES_CAN_MOVE, OWN_FILE, WITHOUT_WAITING, lock, move_open, sync_folder
 
 PARTIAL = ".partial"  # how the names of files end that are being written
 _OURS = re.compile(rf"\.[0-9a-f]{{16}}\{PARTIAL}")
@@ -40,14 +39,14 @@ def written_whole(path: Path) -> Iterator[BinaryIO]:
                 yield file
             return
         sweep_partial(path.parent)
-        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-        with open(os.open(partial, flags, 0o666), "wb") as file:
-            _lock(file.fileno())
+        with open(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OWN_FILE, 0o666), "wb") as file:
+            with contextlib.suppress(OSError):  # on a file system without locks nothing is swept either
+                lock(file.fileno())
             yield file
             file.flush()
             os.fsync(file.fileno())
-            os.replace(partial, path)
-        _sync_folder(path.parent)
+            move_open(file, partial, path)
+        sync_folder(path.parent)
     except BaseException as error:
         with contextlib.suppress(OSError):
             partial.unlink()
@@ -62,13 +61,13 @@ def partial_folder(parent: Path) -> Iterator[Path]:
     sweep_partial(parent)
     folder = parent / _partial_name()
     folder.mkdir(mode=0o700)
-    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        _lock(descriptor)
+    with contextlib.ExitStack() as at_end:
+        with contextlib.suppress(OSError):  # where folders cannot be opened or locked, none is swept either
+            descriptor = os.open(folder, os.O_RDONLY | OWN_FILE)
+            at_end.callback(os.close, descriptor)
+            lock(descriptor)
+        at_end.callback(shutil.rmtree, folder, ignore_errors=True)
         yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        os.close(descriptor)
 
 
 def sweep_partial(folder: Path) -> None:
@@ -76,23 +75,19 @@ def sweep_partial(folder: Path) -> None:
     with contextlib.suppress(OSError):
         for name in filter(_OURS.fullmatch, os.listdir(folder)):
             with contextlib.suppress(OSError):  # locked, another user's, or gone meanwhile
-                descriptor = os.open(folder / name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+                descriptor = os.open(folder / name, os.O_RDONLY | OWN_FILE | WITHOUT_WAITING)
                 try:
-                    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    lock(descriptor)
                     state, is_folder = os.fstat(descriptor), (folder / name).is_dir()
-                    if (state.st_size > 0 and not is_folder) or time.time() - state.st_mtime > _NEWBORN_S:
-                        (shutil.rmtree if is_folder else os.unlink)(folder / name)
                 finally:
-                    os.close(descriptor)
+                    os.close(descriptor)  # what is open cannot be deleted everywhere
+                is_written = state.st_size > 0 and not is_folder and OPEN_FILES_CAN_MOVE
+                if is_written or time.time() - state.st_mtime > _NEWBORN_S:
+                    (shutil.rmtree if is_folder else os.unlink)(folder / name)
 
 
 def _partial_name() -> str:
     return f".{secrets.token_hex(8)}{PARTIAL}"
-
-
-def _lock(descriptor: int) -> None:
-    with contextlib.suppress(OSError):  # on a file system without locks nothing is swept either
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -105,21 +100,6 @@ def _is_stream(path: Path) -> bool:
     if not path.is_symlink():
         return path.exists() and not path.is_file()
     return path.absolute().parts[1] == "proc" or path.absolute().parent in (Path("/dev"), Path("/dev/fd"))
-
-
-def _sync_folder(folder: Path) -> None:
-    """Have the disk keep the names in a folder, where the file system can be asked to."""
-    try:
-        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    except PermissionError:  # a folder that may be written and not read
-        return
-    try:
-        os.fsync(descriptor)
-    except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
-            raise
-    finally:
-        os.close(descriptor)
 
 
 def card_path(path: Path) -> Path:

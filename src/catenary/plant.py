@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, frozen, without_missing
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
+from catenary.tables import OnScreen, Screen, Table
+from catenary.units import shown_rows
 from catenary.visible import visible
 
 _JOINT_UNITS = ("rad", "m")
@@ -226,8 +228,8 @@ def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[
 JOINT_ARRAYS = ("q_nominal", "q_reported", "q_encoder", "qd", "tau")  # of a log, (N, n)
 
 
-@dataclass(frozen=True)
-class MotionLog:
+@dataclass(frozen=True, repr=False)
+class MotionLog(OnScreen):
     """Rows of one or more recordings of the same robot, in the order in which they were taken.
 
     Joint arrays are (N, n) in the joints' units. `q_nominal` is what the robot reports or was commanded,
@@ -314,6 +316,18 @@ class MotionLog:
 
     def __len__(self) -> int:
         return len(self.q_nominal)
+
+    @property
+    def screen(self) -> Screen:
+        """Each joint's motion and error, and what is recorded of it."""
+        q, off = self.q_nominal, None if self.q_encoder is None else (self.q_encoder - self.q_nominal)[self.ok]
+        rms = np.full(q.shape[1], np.nan) if off is None or not len(off) else np.sqrt(np.mean(off**2, axis=0))
+        held = ", ".join(key for key in JOINT_ARRAYS if getattr(self, key) is not None)
+        lasts = "" if self.time is None else f", {np.ptp(self.time):.4g} s"
+        title = f"{self.name}: {q.shape[1]} joints, {len(self):,} rows{lasts}{', simulated' * self.simulated}; {held}"
+        columns = ("joint", "unit", ("from", ":.2f"), ("to", ":.2f"), ("RMS error", ":.3f"))
+        table = Table(columns, shown_rows(self, q.min(axis=0), q.max(axis=0), rms))
+        return Screen(title, [table], "; ".join(self.notes))
 
     @property
     def named_notes(self) -> list[str]:

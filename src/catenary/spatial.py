@@ -15,6 +15,7 @@ from catenary.arrays import Floats, Listed, as_array, frozen
 from catenary.errors import InputError
 
 STANDARD_GRAVITY = 9.81  # [m/s2], as everywhere in this package
+_HOMOGENEOUS = 1e-9  # by which the last row of a homogeneous matrix may be off
 LEVEL = frozen(np.array([0.0, 0.0, -STANDARD_GRAVITY]))  # gravity (3,) in the axes of a level base
 
 
@@ -37,6 +38,25 @@ class Pose(NamedTuple):
         """Return T_b_a."""
         inverse = np.swapaxes(self.rotation, -1, -2)
         return Pose(inverse, -_turned(inverse, self.position))
+
+    @property
+    def matrix(self) -> Floats:
+        """The homogeneous matrix [R p; 0 0 0 1], (4, 4) or (N, 4, 4)."""
+        upper = np.concatenate([self.rotation, self.position[..., None]], axis=-1)
+        last = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*upper.shape[:-2], 1, 4))
+        return np.concatenate([upper, last], axis=-2)
+
+
+def as_pose(name: str, pose: Pose | ArrayLike) -> Pose:
+    """Return a pose (3, 3), (3,), given as one or as a homogeneous matrix (4, 4); InputError unless it is rigid."""
+    if isinstance(pose, Pose):
+        return Pose(as_rotation(f"{name} rotation", pose.rotation), as_array(f"{name} position", pose.position, (3,)))
+    matrix = as_array(f"{name}, a Pose or a homogeneous matrix", pose, (4, 4))
+    last = (0.0, 0.0, 0.0, 1.0)
+    if np.abs(matrix[3] - last).max() > _HOMOGENEOUS:
+        turned = "; it is transposed" if np.abs(matrix[:, 3] - last).max() <= _HOMOGENEOUS else ""
+        raise InputError(f"{name}: expected a last row 0 0 0 1 of a homogeneous matrix, got {matrix[3]}{turned}")
+    return Pose(as_rotation(f"{name} rotation", matrix[:3, :3]), matrix[:3, 3])
 
 
 def _turned(rotation: Floats, vector: Floats) -> Floats:

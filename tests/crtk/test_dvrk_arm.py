@@ -1,12 +1,14 @@
 """What dVRK's own classes use beside CRTK (dvrk_python: dvrk.arm, dvrk.psm, dvrk.system), call by call on a loopback."""
 
+from itertools import groupby
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
-from catenary.crtk.message_values import pose_message, pose_of
+from catenary.crtk.message_values import command_message, pose_message, pose_of
 from catenary.crtk.topic_names import CONSOLE_COMMANDS, console_topics
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import Pose, rotation_from_rpy
@@ -133,8 +135,44 @@ def test_desired_state_is_where_the_arm_is_on_its_way_to():
     assert psm.plant.operating_state().is_busy
     psm.wait()
     psm.say("/system/power_off", Empty(), 0.1)
-    assert [one.message.data for one in heard.take()] == ["DISABLED", "ENABLED", "HOMED", "DISABLED"]
+    states = [state for state, _ in groupby(one.message.data for one in heard.take())]
+    assert states == ["DISABLED", "ENABLED", "HOMED", "DISABLED"]
     assert psm.plant.operating_state() == ("DISABLED", True, False)
+
+
+@pytest.mark.parametrize("command", ["enable", "resume", "home", "pause", "disable", "unhome", "dance"])
+@pytest.mark.parametrize("state", ["ENABLED", "PAUSED", "DISABLED"])
+def test_each_state_command_is_answered_by_the_state_before_and_after_it(psm, command: str, state: str):
+    if state != "ENABLED":
+        psm.plant.state_command({"PAUSED": "pause", "DISABLED": "disable"}[state])
+    psm.sleep(0.11)
+    heard = psm.hear("/PSM1/operating_state")
+    psm.sleep(0.01)
+    heard.take()
+    psm.say("/PSM1/state_command", command_message(command, 0), 0.01)
+    before, *after = [one.message for one in heard.take()]
+    assert before.state == state
+    assert {one.state for one in after} == {psm.server.arms["PSM1"].state.state}
+    assert after[0].header.stamp > before.header.stamp
+
+
+def test_a_client_that_enables_what_is_enabled_is_answered_over_and_over(psm):
+    heard = [psm.hear(f"/PSM1/{name}") for name in ("operating_state", "current_state", "desired_state")]
+    for _ in range(3):
+        psm.say("/PSM1/state_command", command_message("enable", 0))
+        assert all(len(one) >= 2 for one in heard)
+        assert {one.message.data for one in heard[1].take()} == {"HOMED"}
+        heard[0].take(), heard[2].take()
+
+
+def test_current_state_tells_that_an_arm_homes():
+    psm = ServedPsm(PsmPlant())
+    heard = psm.hear("/PSM1/current_state")  # latched
+    psm.say("/system/home", Empty(), 0.1)
+    psm.wait()
+    psm.say("/PSM1/state_command", command_message("pause", 0), 0.1)
+    states = [state for state, _ in groupby(one.message.data for one in heard.take())]
+    assert states == ["DISABLED", "HOMING", "HOMED", "PAUSED"]
 
 
 @pytest.mark.parametrize("place", ["console", "system"])
@@ -248,3 +286,109 @@ def test_settings_move_nothing_and_hold_no_arm(psm):
     other.publisher("/PSM1/move_jp", "sensor_msgs/JointState").publish(JointState(position=DEEP + 0.01))
     psm.sleep(0.05)
     assert psm.server.arms["PSM1"].state.is_busy
+
+
+JointServo, Mode = message_class("crtk_msgs/JointServo"), message_class("crtk_msgs/SetpointMode")
+CartesianState = message_class("crtk_msgs/CartesianState")
+P, V, PV, F, PVF = (Mode(value) for value in (1, 2, 3, 4, 7))
+
+
+def test_positions_come_at_the_velocity_in_the_same_message(psm):
+    psm.joints("move_jp", DEEP)
+    psm.wait()
+    goal, speed = DEEP + 20 * STEP, np.array([0.1, *np.zeros(5)])
+    psm.say("/PSM1/servo_js", JointServo(position=goal, velocity=speed, mode=(PV,) * 6), 0.05)
+    assert psm.setpoint[0] == pytest.approx(0.1 * 0.05, abs=2e-4)
+    for _ in range(10):
+        psm.say("/PSM1/servo_js", JointServo(position=goal, velocity=speed), 0.02)
+    assert_allclose(psm.setpoint[:6], goal, atol=1e-9)  # and never beyond
+    psm.say("/PSM1/servo_js", JointServo(position=DEEP, mode=(P,) * 6), 0.02)
+    assert_allclose(psm.setpoint[:6], DEEP, atol=1e-9)  # as fast as a servo_jp
+    psm.say("/PSM1/servo_js", JointServo(name=("outer_pitch",), velocity=[0.2], mode=(V,)), 0.2)
+    assert_allclose(psm.setpoint[:3], [0.0, 0.02, 0.12], atol=3e-4)
+    assert not psm.refusals
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        (JointServo(position=DEEP, effort=np.zeros(6), mode=(PVF,) * 6), "efforts beside positions"),
+        (JointServo(position=DEEP, velocity=np.zeros(6), mode=(P, V, P, P, P, P)), "the arm takes either"),
+        (JointServo(position=DEEP, mode=(P,) * 5), "5 modes, expected 6"),
+        (JointServo(position=DEEP[:4], mode=(P,) * 6), "JointServo.position"),
+        (JointServo(position=DEEP + 1.0), "from its setpoint"),
+        (JointServo(position=[np.nan, *DEEP[1:]]), "JointServo.position"),
+    ],
+)
+def test_what_a_servo_js_cannot_mean_is_refused_and_moves_nothing(psm, message, said: str):
+    psm.joints("move_jp", DEEP)
+    psm.wait()
+    psm.say("/PSM1/servo_js", message, 0.05)
+    assert_array_equal(psm.setpoint[:6], DEEP)
+    (refused,) = psm.refusals
+    assert said in refused
+
+
+def test_efforts_of_a_servo_js_push(psm):
+    psm.joints("move_jp", DEEP)
+    psm.wait()
+    for _ in range(10):
+        psm.say("/PSM1/servo_js", JointServo(effort=[0.0, 0.0, 2.0, 0.0, 0.0, 0.0], mode=(F,) * 6))
+    assert psm.plant.measured_js().q[2] > 0.121
+
+
+def test_a_pose_with_a_twist_and_a_twist_alone_move_the_tool(psm):
+    psm.joints("move_jp", DEEP)
+    psm.wait()
+    start, measured = (pose_of(psm.last(f"/PSM1/{name}_cp")) for name in ("setpoint", "measured"))
+    told = psm.last("/PSM1/measured_cs")
+    assert all(one.data for one in (told.pose_is_valid, told.twist_is_valid, told.wrench_is_valid))
+    assert_allclose(tuple(told.pose.position), measured.position, atol=1e-5)
+    step = np.array([0.002, 0.0, 0.0])
+    goal = pose_message(Pose(start.rotation, start.position + step), 0, "base").pose
+    linear = message_class("geometry_msgs/Vector3")(0.01, 0.0, 0.0)
+    both = CartesianState(pose=goal, pose_is_valid=Bool(True), twist_is_valid=Bool(True))
+    both = both._replace(twist=both.twist._replace(linear=linear))
+    psm.say("/PSM1/servo_cs", both, 0.05)
+    moved = pose_of(psm.last("/PSM1/setpoint_cp")).position - start.position
+    assert 0.0003 < moved[0] < 0.0019
+    for _ in range(20):
+        psm.say("/PSM1/servo_cs", both, 0.02)
+    assert_allclose(pose_of(psm.last("/PSM1/setpoint_cp")).position - start.position, step, atol=1e-5)
+    psm.say("/PSM1/servo_cs", both._replace(pose_is_valid=Bool(False)), 0.3)
+    there = pose_of(psm.last("/PSM1/setpoint_cp")).position - start.position
+    assert_allclose(there, step + np.array([0.001, 0.0, 0.0]), atol=5e-5)
+    psm.say("/PSM1/servo_cs", both._replace(wrench_is_valid=Bool(True)))
+    (refused,) = psm.refusals
+    assert "a wrench beside a pose" in refused
+
+
+def test_after_torques_have_wound_its_roll_up_a_move_cp_goes_back_in_seconds(psm):
+    psm.joints("move_jp", DEEP)
+    psm.wait()
+    start = psm.last("/PSM1/setpoint_cp")
+    for _ in range(50):
+        psm.say("/PSM1/servo_jf", JointState(effort=np.array([0.0, 0.0, 0.0, 0.1, 0.0, 0.0])))
+    assert psm.plant.measured_js().q[3] > 3.0
+    psm.say("/PSM1/move_cp", pose_message(pose_of(start), 0, "base"))
+    assert psm.wait() < 10.0
+    assert_allclose(pose_of(psm.last("/PSM1/setpoint_cp")).position, pose_of(start).position, atol=1e-5)
+    assert not psm.refusals
+
+
+def test_statistics_of_ticks_come_once_a_second(psm):
+    heard = psm.hear("/PSM1/period_statistics")
+    psm.sleep(3.1)
+    told = [one.message for one in heard.take()]
+    assert len(told) == 3
+    assert told[-1].period_avg == pytest.approx(0.001)
+    assert told[-1].number_of_samples == 1000
+    assert 0.0 < told[-1].compute_time_min <= told[-1].compute_time_avg <= told[-1].compute_time_max
+
+
+def test_error_tells_why_an_arm_is_in_fault(psm):
+    heard = psm.hear("/PSM1/error")
+    psm.plant._set_state("FAULT", "a cable is slack")
+    psm.sleep(0.1)
+    (told,) = [one.message.data for one in heard.take()]
+    assert told == "PSM1: FAULT: a cable is slack"

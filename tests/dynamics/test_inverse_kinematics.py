@@ -50,6 +50,29 @@ def test_poses_of_a_random_arm_are_reached_within_its_limits(seed: int, n: int) 
         assert_allclose(again.rotation, pose.rotation, atol=1.1e-7)
 
 
+def test_a_pose_may_be_a_homogeneous_matrix(rng: np.random.Generator) -> None:
+    model = load_robot("panda")
+    pose = forward_kinematics(model, rng.uniform(model.lower, model.upper))
+    assert_allclose(
+        inverse_kinematics(model, pose.matrix, rng=np.random.default_rng(1)),
+        inverse_kinematics(model, pose, rng=np.random.default_rng(1)),
+    )
+
+
+@pytest.mark.parametrize("name", ["gen3", "two_link"])
+def test_joints_without_limits_are_searched_from_any_turn(name: str, rng: np.random.Generator) -> None:
+    model = load_robot(name)
+    turns = np.isinf(model.upper)
+    assert turns.any()
+    for _ in range(10):
+        q = np.where(turns, rng.uniform(-np.pi, np.pi, model.n), rng.uniform(-1.0, 1.0, model.n))
+        pose = forward_kinematics(model, q)
+        found = inverse_kinematics(model, pose, rng=rng, starts=100)
+        assert_allclose(forward_kinematics(model, found).position, pose.position, atol=1.1e-7)
+        start = q + np.where(turns, 20 * np.pi, 0.0)  # ten turns on: the nearest solution is there
+        assert_allclose(inverse_kinematics(model, pose, start), start, atol=1e-6)
+
+
 def test_targets_at_the_limits_are_reached_from_near_them(rng: np.random.Generator) -> None:
     model = random_arm(3, 7)
     reached = 0

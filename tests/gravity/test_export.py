@@ -250,7 +250,7 @@ def test_gradients_of_gravity_are_its_stiffness(name):
     assert slope.name_in(0) == "q"
     assert_allclose(np.array(slope(q, gravity, 0)[0]), expected, atol=1e-10)
     symbolic = export_function(model, "gravity", "sympy")
-    derived = symbolic._replace(result=symbolic.result.jacobian(symbolic.inputs["q"]))
+    derived = replace(symbolic, result=symbolic.result.jacobian(symbolic.inputs["q"]))
     assert_allclose(by_sympy(derived, [q, gravity]), expected.ravel(), atol=1e-10)
 
 

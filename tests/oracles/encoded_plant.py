@@ -32,4 +32,5 @@ class EncodedPlant(IdealPlant):
         true = state.q[:3] + OFFSET
         counts = np.round(true * 1e5)
         read = true if self.operating_state().is_homed else np.full(3, np.nan)
-        return {"jpos": state.q, "jvel": state.qd, "tau": state.tau, "ext_jpos": read, "joint_enc": counts}
+        told = {"jpos": state.q, "jpos_d": self.setpoint_js().q}
+        return {**told, "jvel": state.qd, "tau": state.tau, "ext_jpos": read, "joint_enc": counts}

@@ -26,7 +26,7 @@ STILL = Free(np.eye(3), np.zeros(3), BaseMotion(*np.zeros((3, 3))))
 
 def by_mujoco(robot: RandomRobot, q: Floats, qd: Floats, qdd: Floats, gravity: Floats, base: Free) -> Floats:
     """Torques of a motion on a floating base, by MuJoCo's free joint."""
-    m, (omega, alpha, acceleration) = robot.model, base.motion
+    m, (omega, alpha, acceleration, _) = robot.model, base.motion
     mj = mujoco_model(robot, gravity=base.R_world_base @ gravity, base="free")
     data = mujoco.MjData(mj)
     order = mujoco_order(robot, mj)
@@ -47,7 +47,7 @@ def by_mujoco(robot: RandomRobot, q: Floats, qd: Floats, qdd: Floats, gravity: F
 
 def by_pinocchio(robot: RandomRobot, q: Floats, qd: Floats, qdd: Floats, gravity: Floats, base: Free) -> Floats:
     """Torques of a motion on a floating base, by Pinocchio's free flyer."""
-    m, (omega, alpha, acceleration) = robot.model, base.motion
+    m, (omega, alpha, acceleration, _) = robot.model, base.motion
     pin = pinocchio_model(robot, base="free")
     pin.gravity.linear = base.R_world_base @ gravity
     order = pinocchio_order(robot, pin)

@@ -203,3 +203,20 @@ def test_results_with_missing_cases_are_not_published(tmp_path: Path, monkeypatc
     names = [*(f"calibration-table-1{ending}" for ending in endings), "claims.md", "page.md"]
     assert [path.name for path in written] == names
     assert "0.1" in (tmp_path / "pages" / "page.md").read_text()
+
+
+def test_reasons_have_been_read_beside_the_numbers_that_they_are_given_for() -> None:
+    stale = {name: [one["says"] for one in each["claims"] if one["stale"]] for name, each in committed().items()}
+    assert {name: says for name, says in stale.items() if says} == {}, "read them again: python -m papers confirm NAME"
+
+
+def test_a_reason_whose_numbers_changed_is_marked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(pages, "REASONS", tmp_path / "reasons.json")
+    name = "calibration-table-1"
+    assert any(one["stale"] for one in committed()[name]["claims"])
+    pages.confirm([name])
+    assert not any(one["stale"] for one in committed()[name]["claims"])
+    said = json.loads((tmp_path / "reasons.json").read_text())[name]
+    (tmp_path / "reasons.json").write_text(json.dumps({name: dict.fromkeys(said, "00000000")}))
+    changed = pages.committed()[name]
+    assert "(of older numbers" in page_of(changed)

@@ -17,6 +17,9 @@ from oracles.raven_recording import telemetry
 PUBLISHED = {
     "raven_2/raven_state": "ce9e7f4969049d8bb365de3c98461a01",
     "raven_2/raven_automove": "409f695c901a20d6a1f90a4e55ae6f63",
+    "crtk_msgs/SetpointMode": "45488f3061f396e81b1a70a7e6acdfa4",
+    "crtk_msgs/JointServo": "660a5227424e1ddeb4a13710d9166974",
+    "crtk_msgs/CartesianState": "3913bf7ef8bcc8fa7a8eb33a46f273db",
     "crtk_msgs/OperatingState": "b1bd4021639d9d9c5fbfff78d6ff3158",
     "crtk_msgs/operating_state": "b1bd4021639d9d9c5fbfff78d6ff3158",
     "crtk_msgs/StringStamped": "5e3e46086181199270f1ac3a28a5977f",

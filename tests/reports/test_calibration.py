@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import simulated_arm
-from catenary.calibration.evaluate import Evaluation, Spread, evaluate
+from catenary.calibration.evaluate import Evaluation, Spread, error_table, evaluate
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult
 from catenary.reports import joint_errors
 from catenary.reports.calibration import JointGain, headline, recommendation, write_calibration_report
-from catenary.reports.joint_errors import error_blocks, error_table, window_table
+from catenary.reports.joint_errors import error_blocks, window_table
 from catenary.reports.page import Picture
 from catenary.workflows.calibration_model import fit_calibration
 

@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from catenary import __version__
 from catenary.errors import FileFormatError
 from catenary.reports import page
+from catenary.reports.robot_plot import _AXIS_COLORS
+from catenary.tables import Table
 
 NASTY = "<script>alert('x')</script> & \"quotes\" µ ±"
 
@@ -23,7 +25,7 @@ def written(path: Path, blocks: list[page.Block], *, simulated: bool = False) ->
 
 def test_blocks_stand_in_their_order(tmp_path: Path) -> None:
     text = written(
-        tmp_path / "p.html", [page.Heading("one"), page.Text("two"), page.Table(["h"], [["three"]]), page.Text("four")]
+        tmp_path / "p.html", [page.Heading("one"), page.Text("two"), Table(["h"], [["three"]]), page.Text("four")]
     )
     words = ("Title", "lead", "one", "two", "h", "three", "four", f"catenary {__version__}")
     places = [text.index(f">{word}<") for word in words]
@@ -32,7 +34,7 @@ def test_blocks_stand_in_their_order(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "block",
-    [page.Heading(NASTY), page.Text(NASTY), page.Table([NASTY], [[NASTY]]), page.Facts([(NASTY, NASTY)]), page.Remarks([NASTY]), page.Listing(NASTY, NASTY)],
+    [page.Heading(NASTY), page.Text(NASTY), Table([NASTY], [[NASTY]]), page.Facts([(NASTY, NASTY)]), page.Remarks([NASTY]), page.Listing(NASTY, NASTY)],
     ids=lambda block: type(block).__name__,
 )  # fmt: skip
 def test_text_is_escaped(tmp_path: Path, block: page.Block) -> None:
@@ -91,7 +93,7 @@ def test_a_picture_has_words_for_who_does_not_see_it(tmp_path: Path) -> None:
 
 
 def test_columns_of_a_table_line_up() -> None:
-    assert page.Table(["name", "J1 [deg]"], [["a", "1.0"], ["longer", "12.345"]], "Title").text() == (
+    assert Table(["name", "J1 [deg]"], [["a", "1.0"], ["longer", "12.345"]], "Title").text() == (
         "Title\n\n"
         "  name        J1\n"
         "           [deg]\n"
@@ -102,13 +104,38 @@ def test_columns_of_a_table_line_up() -> None:
 
 
 def test_a_wide_table_is_not_cut_and_a_cell_stays_on_its_line() -> None:
-    assert "29.123" in page.Table([f"c{i}" for i in range(30)], [[f"{i}.123" for i in range(30)]]).text()
-    assert page.Table(["name"], [["[red]a[/red] [rad]"], ["b\nc"]]).text().endswith("  [red]a[/red] [rad]\n  b c\n")
+    assert "29.123" in Table([f"c{i}" for i in range(30)], [[f"{i}.123" for i in range(30)]]).text()
+    assert Table(["name"], [["[red]a[/red] [rad]"], ["b\nc"]]).text().endswith("  [red]a[/red] [rad]\n  b c\n")
 
 
 def test_a_column_says_what_of_a_record_stands_in_it_and_how() -> None:
     columns = [("joint", "name"), ("error [deg]", "error:.2f"), ("share", "share:.0f %")]
     records = [{"name": "J1", "error": 1.234, "share": 0.5}, {"name": "J2", "error": None, "share": np.nan}]
-    table = page.Table(columns, records)
+    table = Table(columns, records)
     assert table.header == ["joint", "error [deg]", "share"]
     assert table.rows == [["J1", "1.23", "50 %"], ["J2", "-", "-"]]
+
+
+def test_a_figure_of_hours_is_small_and_holds_its_fonts(tmp_path: Path) -> None:
+    x = np.linspace(0.0, 4000.0, 60_000)
+    figure, panels = page.joint_panels([("J1", "deg"), ("J2", "deg")], 2.0)
+    for axes in panels[:, 0]:
+        axes.plot(x, np.random.default_rng(0).normal(size=x.shape), label="raw")
+        axes.fill_between(x, np.sin(x) - 1.0, np.sin(x) + 1.0)
+    for ending in (".pdf", ".svg"):
+        page.write_picture(figure, tmp_path / f"f{ending}", (".pdf", ".svg"))
+        assert (tmp_path / f"f{ending}").stat().st_size < 300_000
+    assert b"/FontFile2" in (tmp_path / "f.pdf").read_bytes()
+    assert "<text" not in (tmp_path / "f.svg").read_text()  # outlines: no font is looked for
+
+
+@pytest.mark.parametrize("colours", [(page.GREY, page.BLUE, page.ORANGE), [*_AXIS_COLORS.values()]])
+def test_colours_that_are_drawn_together_differ_in_print_without_colours(colours) -> None:
+    def lightness(colour: str) -> float:  # L* of CIELAB, 0 to 100
+        channels = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
+        linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+        return float(116.0 * np.cbrt(linear @ [0.2126, 0.7152, 0.0722]) - 16.0)
+
+    steps = np.diff(sorted(map(lightness, colours)))
+    assert (steps > 12.0).all()  # 2 are just told apart side by side; thin lines need more
+    assert max(map(lightness, colours)) < 80.0  # on white

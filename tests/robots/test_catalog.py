@@ -132,7 +132,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path, file, text, said):
 
 
 def test_what_is_no_robot_is_refused_with_the_catalogue(tmp_path):
-    with pytest.raises(FileFormatError, match=r'"raven": .*did you mean "raven2"\?.*planar_3r, raven2, '):
+    with pytest.raises(FileFormatError, match=r'"raven": .*did you mean "raven2"\?.*planar_3r, puma560, raven2, '):
         load_robot("raven")
     with pytest.raises(FileFormatError, match=r'did you mean "dvrk_psm"\?'):
         load_robot("dvrk_psm_joint")

@@ -81,6 +81,14 @@ def test_a_mesh_is_found_in_a_folder_that_is_given_and_in_roses(arm, tmp_path_fa
 
 
 @pytest.mark.parametrize(
+    "name", [r"meshes\elbow.stl", r"package://meshes\elbow.stl", "file://{folder}/meshes/elbow.stl"]
+)
+def test_a_mesh_may_be_named_as_windows_does_or_by_an_address(arm, name):
+    arm.write_text(arm.read_text().replace("package://meshes/elbow.stl", name.format(folder=arm.parent)))
+    assert load_geometry(arm, load_robot(arm)).shapes[2].form.path.samefile(arm.parent / "meshes" / "elbow.stl")
+
+
+@pytest.mark.parametrize(
     ("old", "new", "said"),
     [
         ('<sphere radius="0.08"/>', "", "<geometry> holds nothing: expected one of box"),

@@ -13,6 +13,7 @@ from tests.recording.import_formats.test_tracked_pose import NEAR_SINGULAR, NOIS
 from tests.truth.bench import (
     CLOCKS,
     FAILS,
+    OWN,
     Outcome,
     checked,
     clocked,
@@ -49,7 +50,7 @@ def outcomes(only: str) -> Iterator[Outcome]:
                 for try_ in (fitted, evaluated):
                     if re.search(only, f"{COMMANDS[try_]}: {known.name}: {spoiling.name}"):
                         yield try_(known, spoiling, folder)
-            for kind in ("linear", "learned"):
+            for kind in ("linear", "learned", *(OWN if known.name == raven("random").name else ())):
                 if re.search(only, f"fit: {known.name}, {kind}"):
                     yield fitted(known, NOTHING, folder, kind)
             for seconds in (120.0, 300.0):

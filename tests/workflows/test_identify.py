@@ -23,7 +23,7 @@ from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import prepare
 from catenary.plant import MotionLog
 from catenary.recording.logs import Reading
-from catenary.reports.identification import excitation_facts, parameter_table, residual_table
+from catenary.reports.identification import excitation_facts
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.robots.urdf_export import write_urdf
@@ -42,9 +42,9 @@ def test_card_notes_and_tables_hold_what_was_fitted_and_tested(moving_arm_logs: 
     assumed = "assumed friction on every joint, a filter of order 4 at 10 Hz"
     assert any(assumed in note for note in result.notes)
     found = result.identification
-    rows = residual_table(found).rows
+    rows = found.residual_table.rows
     assert [(row[0], row[-1]) for row in rows] == [("run0", "fitted"), ("run1", "holds")]
-    assert len(parameter_table(found).rows) == found.base.count
+    assert len(found.parameter_table.rows) == found.base.count
     rank = f"{found.base.count} of {found.base.count} base parameters"
     assert dict(excitation_facts(found))["rank"] == rank
 

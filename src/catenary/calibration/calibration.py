@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import usable_rows
-from catenary.calibration.evaluate import Evaluation
+from catenary.calibration.evaluate import Evaluation, Spread, spread_table
 from catenary.calibration.evaluate import evaluate as evaluate_rows
 from catenary.calibration.fit_options import COVERAGE, FOLDS, FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
@@ -27,11 +27,13 @@ from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.model_file import load_model as read_model
 from catenary.calibration.model_file import save_model
 from catenary.calibration.model_kinds import LEARNED
+from catenary.calibration.own_model import Function, Named, chosen
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog, nameless
 from catenary.recording.logs import read_log
 from catenary.side_by_side import Progress, silent
+from catenary.tables import Screen
 from catenary.verdict.check import findings_of, robot_of
 from catenary.verdict.finding import Finding
 from catenary.verdict.mend import AS_TRAINED
@@ -50,7 +52,7 @@ class MotionArrays(TypedDict, total=False):
     time: ArrayLike | None  # (N,) [s]; where it steps back another motion begins
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Calibration(CalibrationModel):
     """A fitted calibration model with its card: what it was fitted to, and its errors.
 
@@ -58,6 +60,15 @@ class Calibration(CalibrationModel):
     """
 
     card: Card = field(default_factory=dict)
+
+    @property
+    def screen(self) -> Screen:
+        """Corrections, and errors on blocks of time that the fit did not see."""
+        own, errors = super().screen, self.card.get("errors", {}).get("cross_validation")
+        crossed = [spread_table([Spread(**joint) for joint in errors["joints"]])] if errors else []
+        named = f"{self.card['robot']}, " if self.card.get("robot") else ""
+        verdict = "; ".join(self.card.get("notes", ()))
+        return Screen(f"{named}{own.title}, {self.card.get('rows', 0):,} rows", [*crossed, *own.tables], verdict)
 
     def predict(self, q_nominal: Motion, **arrays: Unpack[MotionArrays]) -> Floats:
         """Return where the joints really are.
@@ -144,9 +155,18 @@ class Calibration(CalibrationModel):
         save_model(self, self.card, Path(path))
 
 
-def load_model(path: str | Path) -> Calibration:
-    """Read a calibration model that `Calibration.save` or `catenary fit` wrote; FileFormatError if it is none."""
-    model, card = read_model(Path(path))
+def load_model(path: str | Path, *, own: Named | Sequence[Named] | None = None) -> Calibration:
+    """Read a calibration model that `Calibration.save` or `catenary fit` wrote.
+
+    Args:
+        own: Of a model of your own its class or function, or "module:name" of it; several where it is made of several.
+            Without it the model tells its card, and runs nowhere.
+
+    Raises:
+        FileFormatError: It is no calibration model.
+        InputError: It is of another class, or holds types of packages whose classes are not named.
+    """
+    model, card = read_model(Path(path), own)
     return _with_card(model, card)
 
 
@@ -156,7 +176,7 @@ def fit(
     *,
     units: Sequence[str] | None = None,
     joint_names: Sequence[str] | None = None,
-    model: str = LEARNED,
+    model: object = LEARNED,
     preset: str | None = None,
     inputs: Sequence[str] | Mapping[str, Sequence[str]] | None = None,
     play: Sequence[float] | None = None,
@@ -180,11 +200,14 @@ def fit(
         q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
         units: "rad" or "m" per joint; needed for arrays.
         joint_names: Names of the joints; J1, J2, ... when None.
-        model: "learned", or one of the papers': "offset", "linear", "polynomial" or "neural".
+        model: "learned", or one of the papers': "offset", "linear", "polynomial" or "neural". Or your own: an estimator
+            with scikit-learn's fit, predict and get_params, of which clones are fitted, or a function from features
+            (N, F), positions and torques unless `inputs` says so, to what `target` says (N, n) [rad|m].
         preset: For "neural": "paper".
         inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None
-            (for "learned" those of its joints alone).
-        play: Half-widths of play states as shares of each joint's range; see FitOptions.
+            (for "learned" and your own those of its joints alone).
+        play: Half-widths of play states as shares of each joint's range; see FitOptions. An estimator of your own takes
+            the features of "learned"; with () what is recorded alone.
         target: "error", or "position" for a model end to end.
         ridge: Weight on the squared coefficients of a regression.
         max_error: Leave out rows with larger errors, per joint in deg and mm.
@@ -207,7 +230,8 @@ def fit(
     logs = _logs(q_nominal, joint_names, units, q_encoder, **arrays)
     shares, limits = (None if each is None else tuple(each) for each in (play, max_error))
     pair = None if coupled is None else tuple(coupled)
-    options = FitOptions(model, preset, inputs, shares, target, ridge, seed, pair)
+    kind, estimator = chosen(model)
+    options = FitOptions(kind, preset, inputs, shares, target, ridge, seed, pair, estimator=estimator)
     run = FitRun(robot, limits, held_out, folds, tuple(accept), coverage)
     result = fit_logs(logs, options, run, progress=progress)
     return _with_card(result.model, result.card)
@@ -236,7 +260,7 @@ def check_data(
 
 
 def evaluate(
-    model: Calibration | str | Path,
+    model: Calibration | str | Path | Function,
     q_nominal: Motion,
     q_encoder: ArrayLike | None = None,
     *,
@@ -244,7 +268,14 @@ def evaluate(
     accept: Sequence[str] = (),
     **arrays: Unpack[MotionArrays],
 ) -> Evaluation:
-    """Return a model's errors on data that it should not have seen: `Calibration.evaluate`, also of a model's file."""
+    """Return a model's errors on data that it should not have seen: `Calibration.evaluate`, also of a model's file.
+
+    A function of your own, as `fit` takes it, is evaluated on recordings, beside their own fixed offset.
+    """
+    if not isinstance(model, Calibration | str | Path):
+        if hasattr(model, "fit"):
+            raise InputError("model: an estimator is fitted first: catenary.fit(recordings, model=estimator)")
+        model = fit(q_nominal, q_encoder, model=model, folds=0, accept=accept, **arrays)
     loaded = model if isinstance(model, Calibration) else load_model(model)
     return loaded.evaluate(q_nominal, q_encoder, window=window, accept=accept, **arrays)
 

@@ -15,6 +15,7 @@ from catenary.calibration.fit_rows import extrapolation
 from catenary.calibration.intervals import MAX_HALF_RANGES
 from catenary.calibration.model import MAX_CORRECTION_RATIO, CalibrationModel, Card
 from catenary.calibration.model_kinds import ModelKind, kind_of
+from catenary.documents import cut
 from catenary.units import DISPLAY
 
 _ARM_KEYS = ("instrument", "tool", "date")  # that a run states, and no option of the fit
@@ -50,15 +51,16 @@ def model_card(
         "target": model.target,
         "output": "correction added to q_nominal, in rad and m",
         "scaling": "none"
-        if kind.of_error
+        if kind.of_error or options.is_function
         else "inputs standardised by mean and standard deviation of the training rows"
-        + "; targets of networks standardised too" * (kind.settings is not None),
+        + "; targets standardised too" * (kind.settings is not None or not kind.in_c),
         "settings": {
             "kind": options.kind,
             "inputs": dict(options.inputs) if isinstance(options.inputs, Mapping) else options.inputs,
             "play_shares": None if options.play is None else list(options.play),
             "target": options.target,
             "ridge": options.ridge_used,
+            **({} if options.estimator is None else {"estimator": cut(repr(options.estimator))}),
             **({} if kind.own_settings is None else {"network": asdict(kind.own_settings)}),
         },
         "valid_range": "of each joint: box around its inputs in training and box along their principal axes, widened "

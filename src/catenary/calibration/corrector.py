@@ -1,6 +1,8 @@
 """A calibration model inside a control loop: the bits of the fitted model, tick by tick."""
 
+import timeit
 from collections.abc import Callable, Sequence
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from catenary.errors import InputError
 from catenary.kernels.bind import bound
 from catenary.plant import UNUSED_CHANNEL, Joints, JointState, places_of
 
+_TIMED_TICKS = 50
 _STATE_GROUPS = ("q", "qd", "tau")  # of a joint state, one after the other
 
 
@@ -97,6 +100,11 @@ class Corrector:
         out[:], inside[:] = self._out, self._inside
         if interval is not None:
             interval[:] = self._interval
+
+    def tick_seconds(self) -> float:
+        """Return the median time of a tick on this computer [s]; what the corrector remembers stays."""
+        other = Corrector(self.model, rate_hz=self.rate_hz)
+        return median(timeit.repeat(other._tick, number=1, repeat=_TIMED_TICKS))
 
     @property
     def leaps(self) -> dict[str, int]:

@@ -1,7 +1,7 @@
 """How wrong the joints are, before and after, on data that the model has not seen."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +12,7 @@ from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.side_by_side import Progress, of_each, silent
+from catenary.tables import Column, OnScreen, Screen, Table, in_units
 from catenary.units import DISPLAY
 
 HARM_RATIO = 1.01  # times the fixed offset's error: less is no harm
@@ -50,8 +51,8 @@ class Window:
     rmse: tuple[float, ...]
 
 
-@dataclass(frozen=True)
-class Evaluation:
+@dataclass(frozen=True, repr=False)
+class Evaluation(OnScreen):
     """Errors per joint, per window, and row by row for plots (rad and m)."""
 
     joints: tuple[JointErrors, ...]
@@ -81,14 +82,36 @@ class Evaluation:
         """Whether each error lies within its interval, (N, n)."""
         return np.asarray(np.abs(self.after_model) <= self.interval)
 
+    @property
+    def screen(self) -> Screen:
+        """Errors per joint."""
+        names = ", ".join(source.name for source in self.data.sources)
+        left = ", ".join(f"{joint.name} {percent(joint.percent_of_offset, 0)}" for joint in self.joints)
+        title = f"on {names}: {len(self.data):,} rows"
+        return Screen(title, [error_table(self)], f"of the fixed offset's RMSE: {left}")
+
     def __str__(self) -> str:
-        """Return RMS errors per joint: as reported, after the fixed offset, after the model."""
-        rows = [f"{'joint':16} {'reported':>10} {'offset':>10} {'model':>10}"]
-        rows += [
-            f"{joint.name:16} {joint.raw_rmse:10.3f} {joint.offset_rmse:10.3f} {joint.rmse:10.3f} {joint.unit}"
-            for joint in self.joints
-        ]
-        return "\n".join(rows)
+        return error_table(self).text()
+
+
+def percent(value: float, digits: int) -> str:
+    """Return a percentage as text; a dash for NaN, a percentage of nothing."""
+    return f"{value:.{digits}f} %" if np.isfinite(value) else "-"
+
+
+def error_table(
+    evaluation: Evaluation, name: str = "model", *, title: str = "RMSE and largest error per joint"
+) -> Table:
+    """Return RMSE per joint raw, after the fixed offset and after the model, and the share outside its valid range."""
+    unit = in_units(joint.unit for joint in evaluation.joints)
+    columns: list[Column] = [
+        ("joint", "name"), "unit", (f"raw RMSE {unit}", "raw_rmse:.3f"),
+        (f"fixed offset RMSE {unit}", "offset_rmse:.3f"), (f"{name} RMSE {unit}", "rmse:.3f"),
+        ("of fixed offset [%]", lambda joint: percent(joint.percent_of_offset, 1)),
+        (f"largest raw {unit}", "raw_max:.2f"), (f"largest {name} {unit}", "max:.2f"),
+        ("outside [% of rows]", "outside_valid_range:.1f %"),
+    ]  # fmt: skip
+    return Table(columns, evaluation.joints, title)
 
 
 def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | None = None) -> Evaluation:
@@ -141,6 +164,23 @@ class Spread:
     rmse_margin: float | None = None  # at most, from there to the edge of the valid range
     held_low: float | None = None  # the share of errors that intervals hold lies between these
     held_high: float | None = None
+
+
+def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
+    """Return mean and standard deviation of the RMSE over blocks of a cross-validation, and what they let expect."""
+    unit = in_units(s.unit for s in spread)
+    columns: list[Column] = [
+        "joint", "unit", ("blocks", "folds"),
+        (f"fixed offset RMSE {unit}", lambda s: f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"),
+        (f"{name} RMSE {unit}", lambda s: f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"),
+    ]  # fmt: skip
+    if all(s.rmse_low is not None for s in spread):
+        columns.append((f"as trained {unit}", lambda s: f"{s.rmse_low:.3f} to {s.rmse_high:.3f}"))
+        columns.append((f"in the margin {unit}", lambda s: f"at most {s.rmse_margin:.3f}"))
+    if all(s.held_low is not None for s in spread):
+        shares = "in intervals [% of rows]"
+        columns.append((shares, lambda s: f"{100 * s.held_low:.0f} to {100 * s.held_high:.0f} %"))
+    return Table(columns, spread, "RMSE on data that the fit did not see, and on a stretch to come")
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date as day
-from typing import get_args
+from typing import Any, get_args
 
 from catenary.calibration.friction_states import FoundFriction
 from catenary.calibration.intervals import check_level
 from catenary.calibration.model import Target
-from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS, ModelKind, kind_of
+from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS, OWN, ModelKind, kind_of
 from catenary.errors import InputError
 
 # half-widths of play states, of each joint's range of motion: from a cable's slack to its stretch
@@ -43,6 +43,9 @@ class FitOptions:
     coupled: tuple[str, ...] | None = None  # joints that friction couples; found when None (friction_fit.py)
     friction: FoundFriction | None = None  # what was found
     cables: FoundCables | None = None  # what was found
+    estimator: Any = (
+        None  # of model "own": has scikit-learn's fit, predict and get_params, or is a function of features
+    )
 
     def __post_init__(self) -> None:
         taking_ridge = [name for name, kind in MODEL_KINDS.items() if "ridge" in kind.takes]
@@ -57,6 +60,8 @@ class FitOptions:
             raise InputError(f"ridge {self.ridge} of model {self.kind}: only {', '.join(taking_ridge)} take one")
         if self.coupled and not self.takes_friction:
             raise InputError(f"coupled joints of model {self.kind}: only {LEARNED} takes any, of target error")
+        if (self.estimator is None) is (self.kind == OWN):
+            raise InputError(f"model {self.kind}: an estimator or function makes model {OWN}, and that needs one")
 
     @property
     def record(self) -> ModelKind:
@@ -68,17 +73,25 @@ class FitOptions:
         record = kind_of(kind, preset)
         ridge = self.ridge if "ridge" in record.takes else None
         coupled = self.coupled if record.play_shares else ()
-        return replace(self, kind=kind, preset=preset, ridge=ridge, coupled=coupled)
+        estimator = self.estimator if kind == OWN else None
+        return replace(self, kind=kind, preset=preset, ridge=ridge, coupled=coupled, estimator=estimator)
+
+    @property
+    def is_function(self) -> bool:
+        """Whether it is a function of one's own, which no rows are fitted to; it takes no play states unasked."""
+        return self.kind == OWN and not hasattr(self.estimator, "fit")
 
     @property
     def shares(self) -> tuple[float, ...]:
         """Shares of each joint's range of motion that the play states take."""
-        return self.record.play_shares if self.play is None else self.play
+        if self.play is not None:
+            return self.play
+        return () if self.is_function else self.record.play_shares
 
     @property
     def takes_friction(self) -> bool:
         """Whether the model may take what is found of cables: friction states of coupled joints, paths and slack."""
-        return self.target == "error" and bool(self.record.play_shares)
+        return self.target == "error" and bool(self.record.play_shares and self.shares)
 
     @property
     def ridge_used(self) -> float | None:

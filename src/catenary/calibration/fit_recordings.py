@@ -11,6 +11,7 @@ from catenary.arrays import Floats
 from catenary.calibration.cable_paths import find_cables
 from catenary.calibration.card import model_card
 from catenary.calibration.conformal import estimate_intervals, expected, fewest_rows
+from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import CalibrationData, data_notes, usable_rows
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate, rms
 from catenary.calibration.features import FeatureSet
@@ -71,7 +72,7 @@ def fit_recordings(
     held_out = run.held_out or 0.0
     rows_of = cache(partial(_rows, recordings, run=run))
     rows_of(choose_inputs(recordings, options, held_out=held_out).features)  # refused before anything takes long
-    found = recordings.judged(run.accept)
+    found = recordings.judged(run.accept, testing=options.is_function)  # from which nothing is learnt
     if options.takes_friction:
         options = replace(options, cables=find_cables(recordings, options, held_out=held_out))
         options = replace(options, friction=find_friction(recordings, options, held_out=held_out))
@@ -155,6 +156,11 @@ def _concluded(
     if model.features.paths:
         followed = ", ".join(name.replace("q:", "") for name, *_ in model.features.paths)
         notes.append(f"cables run over another joint's drum: play follows {followed}")
+    seconds = None if options.record.in_c else Corrector(model).tick_seconds()
+    if seconds is not None:
+        notes.append(f"a tick of a loop takes {1e3 * seconds:.2g} ms here, in Python: there is no C of the model")
+    if options.is_function:
+        notes.append("no block was left out of the function: its errors are a test if it has not seen the recordings")
     if validation is None:
         notes.append("no intervals: they are estimated from the cross-validation, which folds 0 leaves out")
     elif intervals is None:
@@ -178,6 +184,8 @@ def _concluded(
         {"recording": log.name, **({} if delay is None else asdict(delay))}
         for log, delay in zip(logs, found.delays, strict=True)
     ]
+    if seconds is not None:
+        card["tick_seconds"] = seconds
     return FitResult(model, card, data, spread, held_out, tuple(notes), logs)
 
 

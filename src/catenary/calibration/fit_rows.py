@@ -13,7 +13,7 @@ from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, FoundCables
 from catenary.calibration.learned import BLOCKS
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
-from catenary.calibration.model_kinds import LEARNED, ModelKind
+from catenary.calibration.model_kinds import ModelKind
 from catenary.calibration.predictors import Expansion
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE, largest_step, room_of
@@ -45,7 +45,7 @@ def choose_inputs(recordings: Recordings, options: FitOptions, *, held_out: floa
         inputs = dict(options.inputs)
     else:
         inputs = {} if options.inputs is None else dict.fromkeys(log.joint_names, options.inputs)
-    default = joint_inputs(log) if options.kind == LEARNED else ("q",) if log.tau is None else ("q", "tau")
+    default = joint_inputs(log) if options.record.play_shares else ("q",) if log.tau is None else ("q", "tau")
     per_joint = tuple(choose_signals(log, inputs.get(joint, default)) for joint in log.joint_names)
     signals = tuple(dict.fromkeys(name for names in per_joint for name in names))
     friction = None if options.friction is None else options.friction.states
@@ -114,7 +114,7 @@ def fit(
             X, Y[:, joints], ridge=options.ridge_used or 0.0, seed=options.seed, progress=report,
             features=inputs.features, columns=columns, joints=[data.joint_names[j] for j in joints],
             block=data.blocks(BLOCKS), recording=data.recording,
-            penalties=chosen.penalties if isinstance(chosen, Expansion) else None,
+            penalties=chosen.penalties if isinstance(chosen, Expansion) else None, estimator=options.estimator,
         )  # fmt: skip
         if isinstance(predictor, Expansion) and predictor.leverage is None and like is None and kind.name != "offset":
             trained = TrainedRows(X, columns.tolist(), inputs.features, [data.joint_names[j] for j in joints])

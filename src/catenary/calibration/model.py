@@ -10,7 +10,7 @@ from pydantic import Field
 from catenary.arrays import Flags, Floats, as_array
 from catenary.calibration.features import FeatureSet, Many, Memory
 from catenary.calibration.intervals import Intervals, widen
-from catenary.calibration.model_kinds import LEARNED
+from catenary.calibration.model_kinds import MODEL_KINDS
 from catenary.calibration.predictors import AnyPredictor
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import ValidRange, choose
@@ -20,6 +20,8 @@ from catenary.errors import InputError
 from catenary.kernels import rows as arithmetic
 from catenary.kernels.bind import Step, blocks, run
 from catenary.plant import MotionLog
+from catenary.tables import OnScreen, Screen, Table
+from catenary.units import shown_rows
 from catenary.verdict.mend import MEND_KEYS
 
 Target = Literal["error", "position"]
@@ -68,8 +70,8 @@ class JointGroup:
         ]
 
 
-@dataclass(frozen=True)
-class CalibrationModel:
+@dataclass(frozen=True, repr=False)
+class CalibrationModel(OnScreen):
     """A fitted model: corrections of joint positions from features. There is no unfitted one.
 
     `correction` is added to q_nominal. A row outside a group's valid range gets the training data's fixed offset, and a
@@ -122,6 +124,14 @@ class CalibrationModel:
             raise InputError(f"model: expected intervals of its {n} joints, got {len(self.intervals.inside)}")
 
     @property
+    def screen(self) -> Screen:
+        """The fixed offset of each joint, its largest correction, and the half-width of its interval."""
+        widths = np.full(len(self.joint_names), np.nan) if self.intervals is None else self.intervals.inside
+        columns = ("joint", "unit", ("offset", ":.3f"), ("largest correction", ":.3f"), ("half-width", ":.3f"))
+        table = Table(columns, shown_rows(self, self.offset, self.largest, widths), "Corrections")
+        return Screen(f"{self.kind}: {len(widths)} joints, {len(self.features.names)} features", [table])
+
+    @property
     def adjusted(self) -> Floats:
         """What refreshes changed, (3, n): see `adjustment`."""
         nothing = np.outer([1.0, 0.0, 0.0], np.ones(len(self.joint_names)))
@@ -161,8 +171,7 @@ class CalibrationModel:
         q = as_array("q_nominal", q_nominal, (len(X), len(self.joint_names)), finite=False)
         correction, inside, interval = np.empty_like(q), np.empty(q.shape, dtype=bool), np.empty_like(q)
         leaps = np.zeros(len(X), dtype=bool) if leaping is None else leaping
-        width = max(X.shape[1], *(group.predictor.width for group in self.groups))
-        for rows in blocks(len(X), width):
+        for rows in blocks(len(X)):
             outputs = (correction[rows], inside[rows], interval[rows])
             run(self.steps(X[rows], q[rows], *outputs, leaps[rows]))
         return correction, inside, interval
@@ -184,7 +193,7 @@ class CalibrationModel:
         lower, upper = np.outer((-ANY_SIZE, ANY_SIZE), np.ones(n)) if self.limits is None else self.limits
         believed = (MAX_CORRECTION_RATIO * self.largest, lower - self.largest, upper + self.largest)
         adjustment = np.vstack([np.full((1, n), float(self.target == "position")), self.adjusted])
-        fades = self.kind == LEARNED
+        fades = self.kind in MODEL_KINDS and MODEL_KINDS[self.kind].fades
         for group in self.groups:
             joints, leverage = np.array(group.joints, dtype=np.int64), group.predictor.leverage
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))

@@ -5,6 +5,7 @@ A model is its own schema: the archive holds its plain data as JSON (`structure`
 
 import json
 import logging
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from catenary.archives import content_in_words, read_arrays
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_kinds import RETIRED, kind_of
+from catenary.calibration.own_model import Named, packed, unpacked
 from catenary.calibration.predictors import Expansion, Leverage, linear
 from catenary.calibration.terms import Terms
 from catenary.cards import card_of, stored, write_with_card
@@ -32,13 +34,13 @@ _FIELD_NAMES = tuple(each.name for each in fields(CalibrationModel))
 
 def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
     """Write a model to `path` and a readable copy of its card beside it, as `write_with_card` does."""
-    arrays: dict[str, NDArray[Any]] = {}
-    structure = {"format": _FORMAT} | stored({name: getattr(model, name) for name in _FIELD_NAMES}, arrays)
+    whole, arrays = packed(model), dict[str, NDArray[Any]]()
+    structure = {"format": _FORMAT} | stored({name: getattr(whole, name) for name in _FIELD_NAMES}, arrays)
     write_with_card(path, {"structure": np.array(json.dumps(structure)), **arrays}, card)
 
 
-def load_model(path: Path) -> tuple[CalibrationModel, Card]:
-    """Read a model and its card."""
+def load_model(path: Path, own: Named | Sequence[Named] | None = None) -> tuple[CalibrationModel, Card]:
+    """Read a model and its card; `own` names the class or function of a model of kind "own" (own_model.py)."""
     remedy = "`catenary fit` makes a model again, `catenary calibrate` those of its project"
     try:
         arrays = read_arrays(path)
@@ -76,7 +78,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         check_within("largest", model.largest, FARTHEST, "rad or m")
         if model.intervals is not None:
             check_within("intervals", model.intervals.outside, FARTHEST, "rad or m")
-        return model, card_of(arrays, path, remedy)
+        card = card_of(arrays, path, remedy)
     except (KeyError, ValueError, IndexError, OverflowError) as error:
         if str(error).startswith(f"{path}: "):
             raise
@@ -84,6 +86,7 @@ def load_model(path: Path) -> tuple[CalibrationModel, Card]:
         raise FileFormatError(
             damage(path, f"is no calibration model, or of another version: {cut(why)}", remedy)
         ) from error
+    return unpacked(model, own), card
 
 
 def _renew(found: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

@@ -34,6 +34,8 @@ class ModelKind:
         beyond: How far beyond the box of the training data it may go.
         beyond_with_memory: The same of a model that takes play or friction states.
         is_power: It grows as powers do: along principal axes too it goes no farther than beyond the box.
+        fades: Before the edge of the valid range it goes over to the fixed offset.
+        in_c: It can be written as C.
     """
 
     name: str
@@ -47,6 +49,8 @@ class ModelKind:
     beyond: float = 0.5
     beyond_with_memory: float = 0.5
     is_power: bool = False
+    fades: bool = False
+    in_c: bool = True
 
     def __str__(self) -> str:
         return f"{self.name}: {self.words}"
@@ -68,6 +72,7 @@ class ModelKind:
         return import_module(f"catenary.calibration.{self.fitted_by.partition(':')[0]}")
 
 
+_PLAY_SHARES = tuple(0.0006 * 1.5**k for k in range(17))
 _KINDS = (
     ModelKind("offset", "the mean error", "predictors:fit_offset", of_error=True),
     ModelKind("linear", "a linear function", "predictors:fit_linear", ("ridge",)),
@@ -92,11 +97,22 @@ _KINDS = (
         "a regression on positions, loads and play states that blocks of time tune",
         "learned:fit_learned",
         ("features", "columns", "joints", "block", "recording", "penalties"),
-        play_shares=tuple(0.0006 * 1.5**k for k in range(17)),
+        play_shares=_PLAY_SHARES,
+        fades=True,
+    ),
+    ModelKind(
+        "own",
+        "an estimator or a function of yours, as MODULE:NAME",
+        "own_model:fit_own",
+        ("estimator", "seed"),
+        play_shares=_PLAY_SHARES,
+        fades=True,
+        in_c=False,
     ),
 )
 MODEL_KINDS: Mapping[str, ModelKind] = {kind.name: kind for kind in _KINDS}
 LEARNED = "learned"  # what is fitted unless another kind is asked for
+OWN = "own"
 RETIRED = ("auto", "hysteretic")  # and preset best of neural: models of files, which are no longer fitted
 
 

@@ -1,4 +1,4 @@
-"""Fitted functions of features: linear in terms of them, which a constant and a polynomial are too, or a network.
+"""Fitted functions of features: linear in terms of them, as a constant or polynomial, a network, or one's own.
 
 They are NumPy arrays with names, and the compiled steps that evaluate them; networks are trained in neural.py, the
 learner's terms are weighed in learned.py. Arrays that do not fit together, or hold NaN or infinity, are refused.
@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import Field
@@ -16,7 +16,7 @@ from pydantic import Field
 from catenary.arrays import Floats, as_array
 from catenary.calibration.terms import Terms
 from catenary.calibration.valid_range import standardisation
-from catenary.cards import StoredFloats
+from catenary.cards import Stored, StoredFloats
 from catenary.errors import InputError
 from catenary.kernels import rows as arithmetic
 from catenary.kernels.bind import Step, blocks, run
@@ -46,11 +46,6 @@ class Predictor(ABC):
     def shape(self) -> tuple[int, int]:
         """Numbers of features F and of outputs m."""
 
-    @property
-    @abstractmethod
-    def width(self) -> int:
-        """Columns of the widest array between features and outputs."""
-
     @abstractmethod
     def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:
         """Return the compiled steps from features X (N, F) to outputs Y (N, m), and leverage beyond usual (N, 1)."""
@@ -60,7 +55,7 @@ class Predictor(ABC):
         inputs, outputs = self.shape
         X = as_array("features", X, (None, inputs), finite=False)
         Y = np.empty((len(X), outputs))
-        for rows in blocks(len(X), self.width):
+        for rows in blocks(len(X)):
             run(self.steps(X[rows], Y[rows]))
         return Y
 
@@ -91,10 +86,6 @@ class Expansion(Predictor):
     @property
     def shape(self) -> tuple[int, int]:  # noqa: D102
         return len(self.terms.middle), len(self.bias)
-
-    @property
-    def width(self) -> int:  # noqa: D102
-        return len(self.terms)
 
     def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:  # noqa: D102
         Z = np.empty((len(X), len(self.terms)))
@@ -149,10 +140,6 @@ class Network(Predictor):
     def shape(self) -> tuple[int, int]:  # noqa: D102
         return len(self.mean), len(self.out_mean)
 
-    @property
-    def width(self) -> int:  # noqa: D102
-        return max(len(self.mean), *map(len, self.biases))
-
     def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:  # noqa: D102
         activate = arithmetic.tanh if self.activation == "tanh" else arithmetic.logistic
         layer = np.empty(X.shape)
@@ -164,7 +151,48 @@ class Network(Predictor):
         return [*steps[:-1], Step(arithmetic.rescale, (layer, self.out_scale, self.out_mean), (Y,))]
 
 
-AnyPredictor = Annotated[Expansion | Network, Field(discriminator="kind")]
+@dataclass(frozen=True)
+class OwnFunction(Predictor):
+    """y = out_mean + out_scale * f((x - mean) / scale), f an estimator's `predict` or a function (own_model.py)."""
+
+    name: str  # "module:name" of the class or function
+    mean: StoredFloats  # (F,)
+    scale: StoredFloats  # (F,)
+    out_mean: StoredFloats  # (m,)
+    out_scale: StoredFloats  # (m,)
+    fitted: tuple[Annotated[Any, Stored()], ...]  # one for all outputs or one for each; bytes as a file holds them
+    leverage: None = None
+    kind: Literal["own"] = "own"
+
+    @property
+    def shape(self) -> tuple[int, int]:  # noqa: D102
+        return len(self.mean), len(self.out_mean)
+
+    def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:  # noqa: D102
+        if any(isinstance(each, np.ndarray) for each in self.fitted):
+            module, _, name = self.name.partition(":")
+            raise InputError(
+                f"model of {self.name}: it runs only where its class is named: from {module} import {name}; "
+                f"load_model(path, own={name}); evaluate, refresh, drift and deploy have --own {self.name}"
+            )
+        return [Step(self._write, (X,), (Y,), is_compiled=False)]
+
+    def _write(self, X: Floats, Y: Floats) -> None:
+        """Write outputs of rows, NaN where a feature is not finite, which few estimators take."""
+        known = np.isfinite(X).all(axis=1)
+        Y[:] = np.nan
+        if not known.any():
+            return
+        Z = (X[known] - self.mean) / self.scale
+        found = [np.asarray(getattr(each, "predict", each)(Z), dtype=float) for each in self.fitted]
+        columns = [each.reshape(len(Z), -1) for each in found if each.shape[:1] == (len(Z),)]
+        if sum(each.shape[1] for each in columns) != Y.shape[1]:
+            shapes = ", ".join(str(each.shape) for each in found)
+            raise InputError(f"model of {self.name}: expected {Y.shape[1]} outputs of {len(Z)} rows, got {shapes}")
+        Y[known] = np.hstack(columns) * self.out_scale + self.out_mean
+
+
+AnyPredictor = Annotated[Expansion | Network | OwnFunction, Field(discriminator="kind")]
 
 
 def linear(weights: Floats, bias: Floats) -> Expansion:

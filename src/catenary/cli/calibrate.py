@@ -12,7 +12,7 @@ import typer
 
 from catenary.cli import projects
 from catenary.cli.exit_codes import FAULT_FOUND
-from catenary.cli.fit import ROBOT_OF_DATA, ModelOptions
+from catenary.cli.fit import OWN_CLASS, ROBOT_OF_DATA, ModelOptions
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import Names, argument, group, option, values_of
 from catenary.cli.out_files import out_path
@@ -21,7 +21,7 @@ from catenary.cli.recording_options import ACCEPT, RecordingOptions
 from catenary.cli.robot_options import DIALECT, NODE_NAME, SIMULATED_SEED
 from catenary.cli.terminal import announce, print_notes, print_result, prints_json, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError
-from catenary.reports.page import Column, Table
+from catenary.tables import Column, Table
 
 if TYPE_CHECKING:
     from catenary.calibration.model import CalibrationModel
@@ -211,6 +211,7 @@ def deploy(
     seconds: float | None = option(None, "Duration. [default: 20; with --ros until Ctrl-C]"),
     real_time: bool = option(None, "Keep time with the clock.", True, flag="--real-time/--fast", not_with="ros"),
     as_is: bool = option(None, "The robot's reports are corrected already: take them as they are.", False),
+    own: str | None = OWN_CLASS,
 ) -> None:
     """Run a model in a robot's loop, or next to a robot on ROS.
 
@@ -223,7 +224,7 @@ def deploy(
         raise InputError(f"--seconds: expected more than 0, got {seconds}")
     from catenary.calibration.model_file import load_model
 
-    loaded, _ = load_model(model)
+    loaded, _ = load_model(model, own)
     loaded = replace(loaded, mends={}) if as_is else loaded
     if project is not None:
         _in_a_loop(project, loaded, 20.0 if seconds is None else seconds, real_time=real_time)

@@ -5,7 +5,6 @@ is raised while a library's C code calls back, as LLVM does of each function tha
 What interrupted there interrupts again.
 """
 
-import os
 import signal
 import sys
 import threading
@@ -13,6 +12,8 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+from catenary.operating_system import ENDING_SIGNALS, interrupt
 
 FAULT_FOUND = 1  # the command did what was asked, and what it looked at is not as it should be
 REFUSED = 2  # nothing was done: an option, a file or a robot is not what the command needs
@@ -23,7 +24,6 @@ def code_of_signal(name: str) -> int:
     return 128 + signal.Signals.__members__.get(name, signal.SIGINT)
 
 
-_ENDS = (signal.SIGTERM, signal.SIGHUP)
 _INTERRUPT_AGAIN_AFTER_S = 0.05  # until what was lost interrupts again
 _SAME_SIGNAL_S = 5.0  # in which a second signal is taken for the first: services and terminals send several
 
@@ -59,12 +59,12 @@ def signals_interrupt() -> Iterator[None]:
             return
         asked = -_SAME_SIGNAL_S
         number = signal.Signals[str(lost.exc_value)] if lost.exc_type is EndedBySignal else signal.SIGINT
-        again = threading.Timer(_INTERRUPT_AGAIN_AFTER_S, os.kill, (os.getpid(), number))
+        again = threading.Timer(_INTERRUPT_AGAIN_AFTER_S, interrupt, (number,))
         again.daemon = True
         again.start()
 
     sys.unraisablehook = unraisable
-    before = {number: signal.getsignal(number) for number in _ENDS}
+    before = {number: signal.getsignal(number) for number in ENDING_SIGNALS}
     taken = {number: handler for number, handler in before.items() if handler not in (signal.SIG_IGN, None)}
     for number in taken:
         signal.signal(number, end)

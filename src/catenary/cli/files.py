@@ -15,7 +15,8 @@ from catenary.cli.robot_options import LoadedOptions, one_or_each
 from catenary.cli.terminal import print_notes, print_result, prints_json, progress_bar, without_notes
 from catenary.errors import InputError
 from catenary.files import write_atomically
-from catenary.reports.page import Column, Table, write_picture
+from catenary.reports.page import write_picture
+from catenary.tables import Column, Table
 
 
 def check(

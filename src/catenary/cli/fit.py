@@ -16,8 +16,9 @@ from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelR
 from catenary.cli.terminal import print_page, print_result, progress_bar
 from catenary.errors import InputError
 from catenary.files import card_path
-from catenary.reports.page import Block, Heading, Table, picture
+from catenary.reports.page import Block, Heading, picture
 from catenary.side_by_side import on_workers
+from catenary.tables import Table
 
 if TYPE_CHECKING:
     from catenary.calibration.fit_options import FitOptions, FitRun
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from catenary.workflows.calibration_model import HeldAgainst
 
 _MAX_SEED = 2**32 - 1  # that scikit-learn takes
+OWN_CLASS = option("MODULE:NAME", "Class or function of a model of your own; others that it is made of after a comma.")
 ROBOT_OF_DATA = option("ROBOT", "Catalogue name or file of the robot: joint names and units.")
 
 
@@ -78,9 +80,11 @@ class ModelOptions:
     def options(self, seed: int) -> "FitOptions":
         """Return the options of the model, its training by this seed."""
         from catenary.calibration.fit_options import FitOptions
+        from catenary.calibration.own_model import chosen
 
-        names = ("kind", "preset", "inputs", "play", "target", "ridge", "coupled")
-        return FitOptions(seed=seed, **values_of(self, *names))
+        names = ("preset", "inputs", "play", "target", "ridge", "coupled")
+        kind, estimator = chosen(self.kind)
+        return FitOptions(kind, seed=seed, estimator=estimator, **values_of(self, *names))
 
     def run(self, accept: Sequence[str], robot: str | None = None) -> "FitRun":
         """Return the options that do not belong to the model."""
@@ -133,12 +137,15 @@ class HeldModel(ModelRecordingOptions):
     max_error: Numbers | None = MAX_ERROR
     accept: Sequence[str] = ACCEPT
     report: Path | None = REPORT
+    own: str | None = OWN_CLASS
 
     def against(self) -> "HeldAgainst":
         """Read both."""
         from catenary.workflows.calibration_model import held_against
 
-        return held_against(self.model, self.data, self.reading(), accept=self.accept, max_error=self.max_error)
+        return held_against(
+            self.model, self.data, self.reading(), accept=self.accept, max_error=self.max_error, own=self.own
+        )
 
 
 def evaluate(
@@ -154,8 +161,9 @@ def evaluate(
 
     Example: catenary evaluate arm.npz run2.npz --report run2.html
     """
+    from catenary.calibration.evaluate import error_table
     from catenary.reports.calibration import write_calibration_report
-    from catenary.reports.joint_errors import coverage_table, error_table, window_table
+    from catenary.reports.joint_errors import coverage_table, window_table
 
     arm = None if robot is None else catenary.load_robot(robot)
     result = held.against().evaluate(window)
@@ -252,7 +260,8 @@ def _arm_drift(held: HeldModel) -> None:
 
 
 def _print_fit(out: Path, result: "FitResult") -> None:
-    from catenary.reports.joint_errors import coverage_table, error_table, spread_table
+    from catenary.calibration.evaluate import error_table, spread_table
+    from catenary.reports.joint_errors import coverage_table
     from catenary.workflows.calibration_model import interval_summary, warnings_of
 
     held_out, card = result.held_out, card_path(out)

@@ -22,7 +22,7 @@ from catenary.cli.robot_options import (
 from catenary.cli.terminal import print_notes, print_result, prints_json
 from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller, make_hold
 from catenary.errors import InputError
-from catenary.reports.page import Column, Table
+from catenary.tables import Column, Table
 from catenary.units import TORQUE_UNIT
 
 if TYPE_CHECKING:

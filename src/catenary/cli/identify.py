@@ -31,8 +31,8 @@ from catenary.cli.robot_options import LoadedOptions
 from catenary.cli.terminal import print_notes, print_page, print_result, prints_json
 from catenary.errors import InputError
 from catenary.files import card_path
-from catenary.reports.page import Column, Table
 from catenary.robots.friction_terms import FRICTION_PARTS
+from catenary.tables import Column, Table
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
@@ -98,13 +98,7 @@ def identify(
     """
     from catenary.identification.identification import CarriedBody
     from catenary.identification.identification_file import save_identification
-    from catenary.reports.identification import (
-        absolute_table,
-        excitation_facts,
-        mass_table,
-        residual_table,
-        rotor_table,
-    )
+    from catenary.reports.identification import absolute_table, excitation_facts, mass_table, rotor_table
     from catenary.workflows.identify import identify_files
 
     options = identification.under(gravity.stated())
@@ -122,7 +116,7 @@ def identify(
 
         write_urdf(found.robot(), urdf)
     content = {**result.summary(), "file": str(out), "card": str(card_path(out))}
-    tables = residual_table(found), absolute_table(found), mass_table(found), rotor_table(found)
+    tables = found.residual_table, absolute_table(found), mass_table(found), rotor_table(found)
     lines = [f"{name}: {text}" for name, text in excitation_facts(found)[:2]]
     print_result(content, *tables, *lines, f"parameters: {out}\ncard:  {card_path(out)}", notes=result.notes)
     if report is not None:  # last: whatever goes wrong with it, the parameters are there

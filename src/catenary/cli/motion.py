@@ -15,7 +15,7 @@ from catenary.cli.options import REQUIRED, Names, Numbers, Triple, argument, opt
 from catenary.cli.robot_options import MovedRobot, PacedRobot, chosen_robot, some_joint_values
 from catenary.cli.terminal import announce, print_notes, print_result, progress_bar
 from catenary.errors import LimitError
-from catenary.reports.page import Table
+from catenary.tables import Table
 from catenary.teleop.terminal import RawTerminal
 from catenary.units import from_display, in_words
 

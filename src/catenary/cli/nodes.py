@@ -77,6 +77,9 @@ def serve(
     Example: catenary serve --ros none --homed --duration 2
     Example: catenary serve --robot dvrk_psm --namespace /PSM1
     """
+    if qos != "reliable" and ros != "2":
+        raise InputError("--qos best-effort: goes with --ros 2; ROS 1 loses nothing on the way")
+    announce("preparing the robot, half a minute the first time on a machine ...")  # imports alone take seconds
     from catenary.crtk.network import make_transport, node_name
     from catenary.crtk.transport import Sending
     from catenary.nodes.serve import make_server, prepare
@@ -85,11 +88,9 @@ def serve(
     # what it reports is in the status, which is shown; Python would print it a second time
     logging.getLogger("catenary.crtk.serving.reports").addHandler(logging.NullHandler())
     serving = served.serving()
-    if qos != "reliable" and ros != "2":
-        raise InputError("--qos best-effort: goes with --ros 2; ROS 1 loses nothing on the way")
     with make_transport(ros, node_name("robot", name)) as transport:
         transport.sending = Sending(depth, qos == "reliable")
-        announce("preparing the robot ...")  # an entry of one that crashed may have to lapse
+        # an entry of one that crashed may have to lapse
         server = make_server(serving, transport, rate_hz=rate)
         prepare(server)
         where = {"1": "over ROS 1", "2": "over ROS 2", "none": "to nobody: without ROS no other program hears it"}[ros]

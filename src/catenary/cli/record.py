@@ -176,7 +176,7 @@ def _record_others(project: "Project", access: projects.RobotAccess, hours: floa
         kind, folder = kind_of(opened.settings), opened.folder / "recordings" / name
         not_ours = {"motion": "not ours"}
         about = About(robot=kind.recorded_as, simulated=access.simulated, configuration=not_ours)
-        left = left_off(folder, about, kind.topics, time.time_ns(), in_passes=False)
+        left = left_off(folder, about, kind.topics, time.time_ns())
         if any(folder.glob("*")) and (left is None or left.begins > seconds - 1.0):
             raise InputError(f"{folder}: holds a recording already; give this one another --name")
         before = 0.0 if left is None else left.begins

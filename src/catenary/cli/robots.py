@@ -12,7 +12,8 @@ from catenary.cli.recording_options import ModelRecordingOptions
 from catenary.cli.robot_options import ROBOT, DescriptionOptions, JointOptions, LoadedOptions, beyond_limits
 from catenary.cli.terminal import print_notes, print_result, without_notes
 from catenary.errors import InputError
-from catenary.reports.page import Column, Table, write_picture
+from catenary.reports.page import write_picture
+from catenary.tables import Column, Table
 from catenary.units import from_display, in_words
 
 if TYPE_CHECKING:

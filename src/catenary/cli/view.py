@@ -16,6 +16,7 @@ from catenary.cli.recording_options import ModelRecordingOptions
 from catenary.cli.robot_options import RobotPlace, WatchedRobot, chosen_robot
 from catenary.cli.terminal import announce, print_json_line, print_notes, prints_json
 from catenary.errors import InputError
+from catenary.operating_system import HAS_SINGLE_KEYS, has_windows
 from catenary.teleop.terminal import RawTerminal
 
 if TYPE_CHECKING:
@@ -78,8 +79,7 @@ def view(
             else:
                 print(f"{title}: {url} (Ctrl-C ends it)", flush=True)
             # somebody may sit at a terminal of a machine that can show a window
-            windows = sys.platform == "darwin" or any(os.environ.get(n) for n in ("DISPLAY", "WAYLAND_DISPLAY"))
-            if windows and sys.stdout.isatty() if browser is None else browser:
+            if has_windows() and sys.stdout.isatty() if browser is None else browser:
                 webbrowser.open(page.url)
             runs.run(page, lambda: time.monotonic() > end)
         except KeyboardInterrupt:
@@ -145,7 +145,7 @@ def monitor(
     from catenary.monitor import plain_line
     from catenary.workflows.robot.snapshots import watch_robot
 
-    on_screen = sys.stdout.isatty() and sys.stdin.isatty() and not prints_json()
+    on_screen = HAS_SINGLE_KEYS and sys.stdout.isatty() and sys.stdin.isatty() and not prints_json()
     hertz = rate if rate is not None else 25.0 if on_screen else 1.0
     if not 0.0 < hertz <= 200.0:
         raise InputError(f"--rate: expected more than 0 and at most 200 Hz, got {hertz}")
@@ -177,7 +177,6 @@ def _until(samples: "Iterator[Snapshot]", seconds: float | None) -> "Iterator[Sn
 
 
 def _on_screen(name: str, samples: "Iterator[Snapshot]", terminal: "RawTerminal") -> None:
-    import os
 
     from catenary.monitor import monitor_lines
 

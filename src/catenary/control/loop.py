@@ -19,6 +19,7 @@ from catenary.control.realtime import RealTime
 from catenary.control.shutdown import GIVE_UP_AFTER_TICKS, MAX_STEP, FiniteTicks, MotionGuard, hold, leave_safe
 from catenary.errors import InputError, LimitError, SensorError
 from catenary.kernels.compiled import in_motion
+from catenary.operating_system import require_linux
 from catenary.plant import JointState, Plant, require_ready
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.trajectories.reference import Reference, Trajectory
@@ -101,7 +102,10 @@ def run_loop(
         InputError: Rate, duration, trajectory, limits or a torque do not fit the plant.
         NotFiniteError: Torques or measured positions were not finite in too many ticks.
         SensorError: The source of gravity asks for a stop.
+        UnsupportedSystemError: The robot is real, and this is not Linux.
     """
+    if not plant.simulated:
+        require_linux("a robot's control loop")
     waits = _require_ready(plant, controller, rate_hz)
     n, period = len(plant.joint_names), 1.0 / rate_hz
     length = trajectory.duration if duration is None else duration

@@ -17,7 +17,8 @@ from catenary.arrays import Flags, Floats
 from catenary.control.realtime import Durations, Timing
 from catenary.sensing.checks import Fault
 from catenary.sensing.vector import GravityReading, ReadingStatus
-from catenary.units import DISPLAY, TORQUE_UNIT
+from catenary.tables import OnScreen, Screen, Table
+from catenary.units import DISPLAY, TORQUE_UNIT, shown_rows
 
 
 @dataclass(frozen=True)
@@ -38,8 +39,8 @@ class GravityReport:
         return "\n".join(lines)
 
 
-@dataclass(frozen=True)
-class LoopReport:
+@dataclass(frozen=True, repr=False)
+class LoopReport(OnScreen):
     """Timing, trust and tracking of one run; per joint in the robot's order."""
 
     joint_names: tuple[str, ...]
@@ -61,6 +62,15 @@ class LoopReport:
     correction: Timing | None = None  # [s] of the corrector in a tick; None without one
     # [s] the longest time between two torques, or positions, that were sent; None when not in real time
     longest_gap: float | None = None
+
+    @property
+    def screen(self) -> Screen:
+        """Tracking errors per joint."""
+        head, *rest = str(self).splitlines()
+        columns = ("joint", "unit", ("RMS error", ":.3f"), ("calibrated", ":.3f"))
+        calibrated = self.tracking_calibrated or [float("nan")] * len(self.joint_names)
+        table = Table(columns, shown_rows(self, self.tracking_nominal, calibrated))
+        return Screen(head, [table], "; ".join(line for line in rest if "tracking error" not in line))
 
     def __str__(self) -> str:
         lines = [f"{self.ticks} ticks at {self.rate_hz:g} Hz" + ("" if self.finished else ", not finished")]

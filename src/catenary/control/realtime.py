@@ -2,12 +2,13 @@
 
 import gc
 import math
-import os
 import time
 from contextlib import ExitStack
 from typing import NamedTuple
 
 import numpy as np
+
+from catenary.operating_system import take_priority
 
 _SPIN_S = 2e-4  # [s] before a deadline; sleeping is up to 0.3 ms late here, spinning 1 us
 _PRIORITY = 40  # below 50, that of interrupt threads, which bring the robot's messages
@@ -79,13 +80,8 @@ class RealTime:
             gc.freeze()
             self._before.callback(gc.unfreeze)
         gc.disable()
-        if hasattr(os, "sched_setscheduler"):
-            try:
-                policy = (os.sched_getscheduler(0), os.sched_getparam(0))
-                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
-            except OSError:  # not allowed here: slower to wake, no worse
-                return
-            self._before.callback(os.sched_setscheduler, 0, *policy)
+        if (give_back := take_priority(_PRIORITY)) is not None:  # without it slower to wake, no worse
+            self._before.callback(give_back)
             self.has_priority = True
 
     def end(self) -> None:

@@ -3,11 +3,10 @@
 import time
 
 from catenary.errors import InputError
+from catenary.operating_system import elapsed_ns
 
 SECOND = 1_000_000_000  # [ns]
 _READING_NS = SECOND // 1000  # [ns] that two readings of clocks are apart at most
-# goes on while the computer is suspended: to a program that was, as to one that was stopped, what it knew is old
-_ELAPSED = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 
 
 class Clock:
@@ -33,8 +32,8 @@ class Clock:
                 return now - self._ahead - (before + after) // 2
 
     def elapsed(self) -> int:
-        """Return the time [ns] since an arbitrary moment, which only grows."""
-        return time.clock_gettime_ns(_ELAPSED)
+        """Return the time [ns] since an arbitrary moment, which only grows, also while the computer is suspended."""
+        return elapsed_ns()
 
     def sleep(self, seconds: float) -> None:
         """Let time pass."""

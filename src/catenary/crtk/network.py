@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Literal
 
 from catenary.errors import InputError, MissingPackageError, to_install
+from catenary.operating_system import require_linux
 
 if TYPE_CHECKING:  # help reads these records, and starts without NumPy
     from catenary.crtk.transport import Transport
@@ -141,7 +142,10 @@ class TransportKind:
         Raises:
             MissingPackageError: It cannot be imported here.
             InputError: `said` asks for another distribution than it is of.
+            UnsupportedSystemError: This is not Linux.
         """
+        if self.ros != "none":
+            require_linux(f"ROS {self.ros}")
         if self.is_of_a_distribution and said.distro is not None:
             raise InputError(f"--ros-distro: does not go with --transport {self.name}, which is of one distribution")
         module, _, word = self.made_by.partition(":")

@@ -27,6 +27,9 @@ _MATRIX = "std_msgs/Float64MultiArray"
 _NUMBER, _SWITCH, TEXT, SIGNAL = "std_msgs/Float64", "std_msgs/Bool", "std_msgs/String", "std_msgs/Empty"
 COMMAND = "crtk_msgs/StringStamped"
 WARNING = "warning"  # verb: what an arm has to say of commands that it did not obey; ours, in both dialects
+ERROR = "error"  # verb: what stopped an arm of a dVRK
+STATISTICS = "cisst_msgs/IntervalStatistics"
+_CARTESIAN = "crtk_msgs/CartesianState"
 DIAGNOSTICS = "/diagnostics"  # topic of all robots: their states, and why they are in FAULT
 DIAGNOSTICS_TYPE = "diagnostic_msgs/DiagnosticArray"
 # verb: gravity that a RAVEN-II's own compensation goes by, ours: the robot's software takes it from nobody
@@ -59,7 +62,8 @@ class CrtkTopic:
     @property
     def is_latched(self) -> bool:
         """Whether whoever comes later gets its last message: what is said on change."""
-        return self.verb == "operating_state" or _DVRK.get(self.verb, ("", "in"))[1] == "out"
+        is_told = _DVRK.get(self.verb, ("", "in"))[1] == "out" and self.verb not in ("measured_cs", ERROR)
+        return self.verb == "operating_state" or is_told
 
 
 _Verbs = dict[str, tuple[str, Direction]]  # verb: type, direction
@@ -113,7 +117,11 @@ _CRTK: _Verbs = {
 _RATIOS = ("ratio", "ratio_v", "ratio_a")
 # what an arm of sawIntuitiveResearchKit 2.x has besides [jhu-dvrk, ros/dvrk_robot/src/system_ROS.cpp]; out: on change
 _DVRK: _Verbs = {
-    "desired_state": (TEXT, "out"),
+    **dict.fromkeys(("current_state", "desired_state", ERROR), (TEXT, "out")),
+    "period_statistics": (STATISTICS, "out"),
+    "measured_cs": (_CARTESIAN, "out"),
+    "servo_cs": (_CARTESIAN, "in"),
+    "servo_js": ("crtk_msgs/JointServo", "in"),
     "goal_reached": (_SWITCH, "out"),
     "tool_type": (TEXT, "out"),
     **{f"trajectory_j/{ratio}": (_NUMBER, "out") for ratio in _RATIOS},
@@ -124,8 +132,15 @@ _DVRK: _Verbs = {
 }
 _SETTINGS = frozenset(
     {GRAV_DIR, BUTTON[1:], "body/set_cf_orientation_absolute", "use_gravity_compensation"}
-    | {verb for verb, (_, direction) in _DVRK.items() if direction == "in"}
+    | {verb for verb, (_, direction) in _DVRK.items() if direction == "in" and not verb.startswith("servo")}
 )
+
+
+def is_dvrks(verb: str) -> bool:
+    """Return whether a verb is one that a dVRK's arms have besides CRTK's."""
+    return verb in _DVRK or verb.startswith("local/")
+
+
 # verbs of a dVRK's console, which is called system since 2.4, and the state commands that they stand for
 CONSOLE_COMMANDS = {
     "console/power_on": ("enable",),

@@ -11,6 +11,7 @@ import serial
 import serial.tools.list_ports
 
 from catenary.errors import SensorError
+from catenary.operating_system import require_linux
 
 BAUD = 115200
 _RETRY_EVERY_S = 0.25  # [s] between attempts to find a board that was unplugged
@@ -46,6 +47,7 @@ class SerialBoard(ABC):
 
         The clock is of the lines' times [s]; `ask` is sent whenever the port is opened.
         """
+        require_linux("a board on a serial port")
         self.port, self._clock, self._ask = port, clock, ask
         self._ending = threading.Event()
         try:

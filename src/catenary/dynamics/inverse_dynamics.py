@@ -33,14 +33,15 @@ _AT_REST = np.zeros(3)  # rates of the base
 class BaseMotion(NamedTuple):
     """Motion of the base frame against an inertial frame, in base axes.
 
-    The linear velocity does not matter. `linear_acceleration` is that of the frame's origin as a point,
-    without gravity: an accelerometer there reads linear_acceleration - gravity. Each is one vector, or one for every
-    configuration.
+    `linear_acceleration` is that of the frame's origin as a point, without gravity: an accelerometer there reads
+    linear_acceleration - gravity. The linear velocity matters to `frame_motion` alone. Each is one vector, or one for
+    every configuration.
     """
 
     angular_velocity: ArrayLike = _ZERO  # (3,) or (N, 3) [rad/s]
     angular_acceleration: ArrayLike = _ZERO  # (3,) or (N, 3) [rad/s2]
     linear_acceleration: ArrayLike = _ZERO  # (3,) or (N, 3) [m/s2]
+    linear_velocity: ArrayLike = _ZERO  # (3,) or (N, 3) [m/s]
 
 
 def inverse_dynamics(
@@ -141,14 +142,16 @@ def gravity_rows(vectors: ArrayLike, count: int, name: str = "gravity") -> Float
 
 def felt_rows(gravity: ArrayLike, base: BaseMotion | None, count: int) -> tuple[Floats, Floats, Floats]:
     """Return gravity less a base's acceleration [m/s2], and its angular velocity and acceleration, (1, 3) or (N, 3)."""
-    down = gravity_rows(gravity, count)
-    if base is None:
-        return down, _AT_REST[None], _AT_REST[None]
-    omega, alpha, linear = (
+    omega, alpha, linear, _ = base_rows(base, count)
+    return gravity_rows(gravity, count) - linear, omega, alpha
+
+
+def base_rows(base: BaseMotion | None, count: int) -> list[Floats]:
+    """Return the fields of a base's motion, zero at rest, in their order, (1, 3) or (N, 3) for `count` rows."""
+    return [
         gravity_rows(vectors, count, f"base {name.replace('_', ' ')}")
-        for name, vectors in zip(BaseMotion._fields, base, strict=True)
-    )
-    return down - linear, omega, alpha
+        for name, vectors in zip(BaseMotion._fields, base or BaseMotion(), strict=True)
+    ]
 
 
 def motion_rows(model: RobotModel, q: ArrayLike, **rates: ArrayLike | None) -> tuple[list[Floats], bool]:

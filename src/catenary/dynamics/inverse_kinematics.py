@@ -10,7 +10,7 @@ from catenary.dynamics.kinematics import Configuration
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError
 from catenary.robots.model import RobotModel
-from catenary.spatial import Pose, as_rotation, rotation_vector
+from catenary.spatial import Pose, as_pose, rotation_vector
 
 Match = Literal["pose", "position"]
 _LEAST_DAMPING = 1e-12
@@ -28,7 +28,7 @@ class Approach(NamedTuple):
 
 def inverse_kinematics(
     model: RobotModel,
-    pose: Pose,
+    pose: Pose | ArrayLike,
     q_start: ArrayLike | None = None,
     *,
     frame: str | None = None,
@@ -40,6 +40,8 @@ def inverse_kinematics(
     max_iterations: int = 300,
 ) -> Floats:
     """Return coordinates (n,) [rad or m] within the joint limits that bring a frame to a pose in the base frame [m].
+
+    The pose is a `Pose`, as `forward_kinematics` returns it, or a homogeneous matrix (4, 4).
 
     RAVEN-II arms have a closed form: exact, nearest to `q_start` (raven_inverse_kinematics.py). Other arms are
     searched by damped least squares from `q_start`, then, if an `rng` is given, from random starts.
@@ -57,7 +59,7 @@ def inverse_kinematics(
         UnreachablePoseError: The remote centre or a joint limit refuses the pose, or the search did not reach
             it; the message says which, or how near it came.
     """
-    target = Pose(as_rotation("pose rotation", pose.rotation), as_array("pose position", pose.position, (3,)))
+    target = as_pose("pose", pose)
     start = None if q_start is None else as_array("q_start", q_start, (model.n,))
     wanted = model.frame(frame)
     own_match: Match = "pose" if model.n >= 6 else "position"

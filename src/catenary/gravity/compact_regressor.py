@@ -41,6 +41,7 @@ from catenary.kernels.tracing import Line, Term
 from catenary.robots.model import RobotModel
 from catenary.robots.quarter_turns import with_quarter_turns
 from catenary.spatial import LEVEL
+from catenary.tables import OnScreen, Screen, Table
 
 _NO_LENGTH_M = 1e-12  # [m]
 
@@ -155,8 +156,8 @@ _GEOMETRY_FIELDS = ("parent", "prismatic", "rotation", "origin", "axis")
 _ROUNDING_RATIO = 1e-9  # of the largest number of all formulas: smaller ones are rounding
 
 
-@dataclass(frozen=True)
-class CompactRegressor:
+@dataclass(frozen=True, repr=False)
+class CompactRegressor(OnScreen):
     """Regressor and parameters of one robot, g = Z(q, gravity) s. str() prints it, for a level base.
 
     It holds for every robot of the same structure and geometry, whatever its masses and centres of mass.
@@ -170,6 +171,13 @@ class CompactRegressor:
     sources: tuple[tuple[int, ...], ...]  # (p,) entries of the full form that are merged in each parameter
     zeros: tuple[int, ...]  # entries of the full form that are zero
     ineffective: tuple[str, ...]  # parameters left out because no joint feels them
+
+    @property
+    def screen(self) -> Screen:
+        """The regressor on a level base, and its parameters."""
+        rows = [(f"s{k + 1}", label, unit) for k, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]
+        title = f"of {self.model.name}: {self.model.n} joints, {len(rows)} parameters"
+        return Screen(title, [Table(["parameter", "stands for", "unit"], rows, left=3)], formula=self.latex)
 
     @property
     def labels(self) -> tuple[str, ...]:

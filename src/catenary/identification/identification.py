@@ -28,6 +28,7 @@ from catenary.identification.samples import Samples, alternate_blocks, prepare
 from catenary.plant import MotionLog
 from catenary.robots.actuation import Actuation, MotorInertia
 from catenary.robots.model import RobotModel
+from catenary.tables import Column, OnScreen, Screen, Table, joint_columns
 
 _TILTING_SHARE = 0.02  # of gravity: recordings in which its direction varies by less are of one base
 _STILL = 1e-3  # [rad, m] by which a joint moves that no recording shows
@@ -60,8 +61,8 @@ class CarriedBody:
         return model.with_payload(self.frame, self.mass, self.position, inertia=self.inertia)
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, repr=False)
+class Identification(OnScreen):
     """Base parameters of one robot, how sure they are, and how well they predict."""
 
     base: BaseParameters
@@ -80,6 +81,29 @@ class Identification:
     prior: bool = False  # masses were drawn to those of the robot's file
     unshown: tuple[str, ...] = ()  # rotors, or a recording's friction, that the motion does not tell from the rest
     bodies: tuple[CarriedBody, ...] = ()  # that the robot carried, and the masses of `model` hold
+
+    @property
+    def residual_table(self) -> Table:
+        """The relative residual per recording and axis, with the verdict."""
+        names = [(name, "") for name in self.model.joint_names]
+        per_axis = joint_columns(names, lambda r, j: r.relative_rms[j], ".3f")
+        columns: list[Column] = [("recording", "log"), "rows", *per_axis, ("verdict", lambda r: r.verdict or "fitted")]
+        return Table(columns, [*self.training, *self.tests], "Residual over torque (RMS) per axis")
+
+    @property
+    def parameter_table(self) -> Table:
+        """Every base parameter with its standard deviation."""
+        shares = (std / abs(value) if value else None for value, std in zip(self.beta, self.std, strict=True))
+        rows = list(zip(self.base.names, self.base.units, self.beta, self.std, shares, strict=True))
+        return Table(["parameter", "unit", ("value", ":.5g"), ("std", ":.2g"), ("std / value", ":.0f %")], rows)
+
+    @property
+    def screen(self) -> Screen:
+        """Residuals and parameters."""
+        logs = ", ".join(each.log for each in self.training)
+        verdict = "; ".join(f"{each.log}: the model {each.verdict}" for each in self.tests)
+        title = f"of {self.model.name}: {self.base.count} base parameters from {logs}"
+        return Screen(title, [self.residual_table, self.parameter_table], verdict)
 
     @property
     def model(self) -> RobotModel:

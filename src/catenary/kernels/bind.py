@@ -10,7 +10,7 @@ import ctypes
 import inspect
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from itertools import combinations, product
 from pathlib import Path
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from catenary.errors import InputError
 from catenary.kernels.compiled import Compiled, load_module, start_numba
 
-_BLOCK_NUMBERS = 100_000  # of an array between two steps: more would not stay in the cache
+_BLOCK_ROWS = 250  # at once; of some hundred columns more would not stay in the cache
 _METH_NOARGS = 0x0004  # methodobject.h
 _CODE, _NONE, _ARGUMENTS = range(3)  # places in the block
 _NUMBER_TYPES = tuple(map(np.dtype, (np.float64, np.int64, np.uint8, np.bool_)))
@@ -206,11 +206,12 @@ def _passing_on(count: int) -> tuple[Any, int]:
 
 
 class Step(NamedTuple):
-    """A compiled function and the arrays that it runs on: `function(*inputs, *outputs)`."""
+    """A function and the arrays that it runs on: `function(*inputs, *outputs)`."""
 
     function: Callable[..., None]
     inputs: tuple[NDArray[Any], ...]  # read only
     outputs: tuple[NDArray[Any], ...]  # written, or read and written
+    is_compiled: bool = True  # else it is Python, as an estimator's, and runs nowhere else
 
 
 def run(steps: Sequence[Step]) -> None:
@@ -221,7 +222,9 @@ def run(steps: Sequence[Step]) -> None:
 
 def bound(steps: Sequence[Step]) -> Callable[[], None]:
     """Return a call without arguments that runs steps on their arrays, which are checked once, now."""
-    calls = [bind(*step) for step in steps]
+    calls = [
+        bind(*step[:3]) if step.is_compiled else partial(step.function, *step.inputs, *step.outputs) for step in steps
+    ]
 
     def tick() -> None:
         for call in calls:
@@ -230,7 +233,6 @@ def bound(steps: Sequence[Step]) -> Callable[[], None]:
     return tick
 
 
-def blocks(rows: int, width: int) -> list[slice]:
-    """Return consecutive slices of rows, short enough that arrays of `width` columns stay in the processor's cache."""
-    at_once = max(1, _BLOCK_NUMBERS // max(1, width))
-    return [slice(first, min(first + at_once, rows)) for first in range(0, rows, at_once)]
+def blocks(rows: int) -> list[slice]:
+    """Return consecutive slices of rows, short enough that arrays between two steps stay in the processor's cache."""
+    return [slice(first, min(first + _BLOCK_ROWS, rows)) for first in range(0, rows, _BLOCK_ROWS)]

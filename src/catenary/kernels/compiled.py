@@ -29,6 +29,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar, cast
 
+from catenary.operating_system import reserve, user_id
+
 _log = logging.getLogger(__name__)
 in_motion: ContextVar[bool] = ContextVar("in_motion", default=False)  # a loop moves a robot: nothing may be compiled
 _told: list[object] = []  # why code is compiled in memory
@@ -64,24 +66,26 @@ def check_room(folder: Path) -> None:
     """Raise OSError where a folder is full, or cannot be written to."""
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
-            os.posix_fallocate(file.fileno(), 0, _ROOM_BYTES)
+            reserve(file, _ROOM_BYTES)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(folder)) from None
 
 
 def private_folder(folder: Path) -> Path:
-    """Make or repair a folder that nobody else can enter."""
+    """Make or repair a folder that nobody else can enter; on Windows, whose modes do not tell, only make it."""
     folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    if user_id() is None:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        return folder
     folder = folder.parent.resolve() / folder.name
     mode = folder.parent.stat().st_mode
-    if (
-        is_own(folder.parent, stat.S_ISDIR) and mode & _OTHERS_WRITE_BITS == stat.S_IWGRP
-    ):  # as numba makes it by umask 002
+    is_numbas = mode & _OTHERS_WRITE_BITS == stat.S_IWGRP  # as it makes folders by umask 002
+    if is_numbas and is_own(folder.parent, stat.S_ISDIR):
         folder.parent.chmod(stat.S_IMODE(mode) & ~stat.S_IWGRP)  # what lies in it is looked at below
     for above in folder.parents:
         status = above.stat()
         shared = status.st_mode & _OTHERS_WRITE_BITS and not status.st_mode & stat.S_ISVTX
-        if shared or status.st_uid not in (0, os.geteuid()):
+        if shared or status.st_uid not in (0, user_id()):
             raise PermissionError(f"{above} can be written by others")
     if os.path.lexists(folder) and not _is_closed(folder):
         remove(folder)  # fails where it is somebody else's
@@ -100,7 +104,7 @@ def is_own(path: Path, is_kind: Callable[[int], bool]) -> bool:
     status = os.lstat(path)
     # under another name it could be elsewhere
     one_name = status.st_nlink == 1 or stat.S_ISDIR(status.st_mode)
-    return is_kind(status.st_mode) and status.st_uid == os.geteuid() and one_name
+    return is_kind(status.st_mode) and user_id() in (None, status.st_uid) and one_name
 
 
 def remove(path: Path) -> None:

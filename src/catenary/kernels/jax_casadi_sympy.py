@@ -5,12 +5,14 @@ for thousands of operations.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from catenary.errors import InputError, NotReadyError, imported
 from catenary.kernels.tracing import FUNCTIONS, Line, evaluate, widths_of
+from catenary.tables import OnScreen, Screen
 
 JaxFunction = Callable[..., Any]
 _READABLE_OPERATIONS = 60  # operations up to which expressions are multiplied out: a RAVEN's three joints
@@ -74,11 +76,19 @@ def _functions(package: Any, **names: str) -> dict[str, Callable[[Any], Any]]:
     return own | {"inverse": lambda x: 1.0 / x}
 
 
-class SymbolicFunction(NamedTuple):
+@dataclass(frozen=True, repr=False)
+class SymbolicFunction(OnScreen):
     """Expressions in symbols: q1, q2, ... are the coordinates, gravity_x, omega_y, ... parts of vectors."""
 
     inputs: dict[str, tuple[Any, ...]]  # SymPy symbols of each input array
     result: Any  # sympy.Matrix; a vector is a column
+
+    @property
+    def screen(self) -> Screen:
+        """The expressions."""
+        from sympy import latex
+
+        return Screen(f"of {', '.join(self.inputs)}: {self.result.shape}", formula=lambda: str(latex(self.result)))
 
     def __str__(self) -> str:
         from sympy import Float

@@ -266,26 +266,27 @@ class JournalReader(FilesInARow):
         self.remarks = list[str]()  # of the recorder, of no loss
         self.lost = 0  # messages that are known to be missing
 
-    def left_off(self, *, in_passes: bool) -> LeftOff | None:
-        """Return from where it goes on: from its last whole pass, behind which another began, or last message."""
-        files = sorted(filter(is_journal_name, self.path.glob("*.mcap")))
-        last_pass = max((part.begins for part in self.parts if part.begins is not None), default=0.0)
-        kept = [part for part in self.parts if not in_passes or (part.begins is not None and part.begins < last_pass)]
+    def left_off(self) -> LeftOff | None:
+        """Return from where it goes on, behind its last message; it lasted as long as its messages tell."""
         numbers: dict[str, int] = {}
         last: int | None = None
-        for part in kept:
+        for part in self.parts:
             part.follow(numbers, last)
             for _ in part.messages():
                 pass
-            last = part.last
+            last = part.last or last
         if last is None:
             return None
-        dropped = tuple(file for file in files if in_passes and file not in [part.path for part in kept])
-        part_number = int(dropped[0].stem if dropped else files[-1].stem) + (not dropped)
-        whole = [part for part in self.parts if part.begins == last_pass]
-        first = next((part.first for part in whole if part.first is not None), last)
-        begins = last_pass if in_passes else last_pass + (last - first) * 1e-9
-        return LeftOff(begins, part_number, numbers, last, dropped)
+        newest = self.last_run()
+        first = next((part.first for part in newest if part.first is not None), last)
+        before = newest[0].begins or 0.0
+        files = sorted(filter(is_journal_name, self.path.glob("*.mcap")))
+        return LeftOff(before + (last - first) * 1e-9, int(files[-1].stem) + 1, numbers, last)
+
+    def last_run(self) -> Sequence[BagStream]:
+        """Return the files since it went on the last time, all where it never was cut off."""
+        begins = max(part.begins or 0.0 for part in self.parts)
+        return [part for part in self.parts if (part.begins or 0.0) == begins]
 
     @property
     def problems(self) -> list[str]:

@@ -168,7 +168,7 @@ class BagStream(Source):
             none = f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP{as_text}"
             raise FileFormatError(f"{none}; nothing in it can be saved")
         self.encoding = "ros1" if self.is_ros1 else "cdr"
-        self.begins: float | None = None  # [s] of the recording at which the pass began that it is of
+        self.begins: float | None = None  # [s] of the recording that were there before it went on
         counts = Counter[str]()
         for chunk, name, records in self._guarded(self._by_topic):
             if name == ABOUT_TOPIC:

@@ -6,7 +6,7 @@ stands what the recording is of, in it the topics with their types, so that a da
 ROS 1's bytes, numbered by topic through all files, so that whatever is missing is noticed and counted. A file that was
 closed has MCAP's index at its end. [mcap.dev/spec]
 
-A recording has passes, and each begins with a file: what was cut off goes on from the last whole one.
+A recording that was cut off goes on in another file, which tells how much of the recording was there before.
 """
 
 import json
@@ -24,6 +24,7 @@ from zlib import crc32
 
 from catenary.config import parse_json
 from catenary.errors import InputError, RecordingError
+from catenary.operating_system import OWN_FILE, sync_folder
 from catenary.recording.messages import fields, full_definition
 
 LIBRARY = "catenary journal 2"  # by which a file is known as a journal's
@@ -74,11 +75,10 @@ class About:
 class LeftOff(NamedTuple):
     """Where a recording was cut off, and goes on."""
 
-    begins: float  # [s] of the recording, or of its motion, that are kept
+    begins: float  # [s] of the recording, or of its motion, that are there
     part: int  # number of the next file
     numbers: Mapping[str, int]  # of the next message, by topic
-    last: int  # [ns] arrival of the last message that is kept
-    dropped: tuple[Path, ...] = ()  # files of the pass that was cut off
+    last: int  # [ns] arrival of the last message
 
     def gap(self, now: int) -> str:
         """Tell of a recording that goes on at `now` [ns] what is missing in it."""
@@ -118,9 +118,8 @@ def metadata_record(name: str, **values: str) -> bytes:
 class _Chunk:
     """Messages that wait for the disk."""
 
-    def __init__(self, topics: bytes, begins: float | None = None) -> None:
+    def __init__(self, topics: bytes) -> None:
         self.data = bytearray(topics)
-        self.begins = begins  # [s], of the first one of a pass
         self.ends: list[int] = []  # in the data, of each message
         self.stamps: list[int] = []
         self.places: dict[int, list[tuple[int, int]]] = {}  # stamp and place of messages, by channel
@@ -231,11 +230,6 @@ class JournalWriter:
         with self._append_lock:
             self._notes += metadata_record(NOTE, note=text)
 
-    def begin_pass(self, begins: float) -> None:
-        """Have what is appended from now on be another pass, `begins` [s] after the recording's begin."""
-        with self._append_lock:
-            self._waiting.append(_Chunk(self._topics, begins))
-
     def flush(self) -> None:
         """Write everything to the disk."""
         with self._disk_lock:
@@ -271,7 +265,7 @@ class JournalWriter:
         return MAGIC + _record(_HEADER, _text("ros1"), _text(LIBRARY)) + self._origin() + self._topics
 
     def _origin(self) -> bytes:
-        """Return what the recording is of, and the pass."""
+        """Return what the recording is of, and how much of it was there before."""
         return self._about + metadata_record(PASS, begins=repr(self._begins))
 
     def _open_file(self) -> None:
@@ -282,12 +276,8 @@ class JournalWriter:
         self._first, self._last = 2**63, 0  # [ns] arrivals in it
         self._counts = [0] * len(self._numbers)
         try:
-            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
-            folder = os.open(self.folder, os.O_RDONLY)
-            try:
-                os.fsync(folder)  # or the file's name may not survive a power cut
-            finally:
-                os.close(folder)
+            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OWN_FILE, 0o644)
+            sync_folder(self.folder)  # or the file's name may not survive a power cut
         except OSError as error:
             self._error = error
             return
@@ -305,17 +295,7 @@ class JournalWriter:
         with self._append_lock:
             chunks, self._waiting, self._pending = self._waiting, [], 0
             notes, self._notes = self._notes, b""
-        passed: list[_Chunk] = []
-        for chunk in chunks:
-            if chunk.begins is not None:
-                self._write_chunks(notes, passed)
-                notes, passed = b"", []
-                self._end_file(is_last=False)
-                self._begins = chunk.begins
-                self._next_file()
-            if chunk.ends:
-                passed.append(chunk)
-        self._write_chunks(notes, passed)
+        self._write_chunks(notes, chunks)
         full = end == "if full" and self._size >= self._max_bytes
         if full or end == "last":
             self._end_file(is_last=not full)

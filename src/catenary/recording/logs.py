@@ -1,7 +1,6 @@
 """The door for recordings: motion logs as Parquet, known layouts as they are, any other by its mapping."""
 
 import json
-import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
@@ -19,6 +18,7 @@ from catenary.documents import cut, no_file, reading, shortened
 from catenary.errors import FileFormatError, InputError, to_import
 from catenary.file_formats import format_of
 from catenary.files import damage, sha256_of, written_whole
+from catenary.operating_system import lasting_folder
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
@@ -300,8 +300,7 @@ _numbers = count()
 
 @cache
 def _folder() -> "tempfile.TemporaryDirectory[str]":
-    lasting = None if "TMPDIR" in os.environ or not os.path.isdir("/var/tmp") else "/var/tmp"
-    return tempfile.TemporaryDirectory(prefix="catenary-", dir=lasting)
+    return tempfile.TemporaryDirectory(prefix="catenary-", dir=lasting_folder(), ignore_cleanup_errors=True)
 
 
 def on_disk(log: MotionLog) -> MotionLog:

@@ -9,16 +9,17 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.card import clock_delay
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.evaluate import HARM_RATIO, OUTSIDE_SHARE, Evaluation, Spread, rms
+from catenary.calibration.evaluate import HARM_RATIO, OUTSIDE_SHARE, Evaluation, Spread, rms, spread_table
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.files import json_text
 from catenary.kernels.bind import blocks
 from catenary.reports import joint_errors
-from catenary.reports.page import Block, Column, Facts, Heading, Listing, Remarks, Table, Text, write_page
+from catenary.reports.page import Block, Facts, Heading, Listing, Remarks, Text, write_page
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
+from catenary.tables import Column, Table
 
 _CLOSE_RATIO = 1.03  # times the error: the fixed offset is as good
 _ROUNDING_M = 1e-9  # that a tip moves by rounding
@@ -60,7 +61,7 @@ def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluatio
     def tip(error: Floats) -> Floats:
         q = np.zeros((len(measured), robot.n))
         q[:, places] = measured - error
-        return np.concatenate([forward_kinematics(robot, q[part])[1] for part in blocks(len(q), 16 * q.shape[1])])
+        return np.concatenate([forward_kinematics(robot, q[part])[1] for part in blocks(len(q))])
 
     none = np.zeros_like(evaluation.raw)
     true, reported, offset, corrected = map(
@@ -159,7 +160,7 @@ def write_calibration_report(
     if tip is not None:
         of_tip = tip_blocks(tip, name, evaluation.data.joint_names)
     noted: list[Block] = [Heading("Notes on the data"), Remarks(notes)] if notes else []
-    crossed: list[Block] = [Heading("Cross-validation"), joint_errors.spread_table(spread, name)] if spread else []
+    crossed: list[Block] = [Heading("Cross-validation"), spread_table(spread, name)] if spread else []
     blocks: list[Block] = [
         *first,
         *opening,

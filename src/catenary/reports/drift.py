@@ -9,26 +9,24 @@ from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.model_drift import CardStretch, DriftFound, Stretch, since_in_words
 from catenary.calibration.model_refresh import JointChange, Refreshed
 from catenary.reports import page
-from catenary.reports.joint_errors import in_units
+from catenary.tables import Column, Table, in_units, joint_columns
 from catenary.units import DISPLAY
 
 _MAX_LABELS = 12  # below a picture
 
 
-def drift_tables(found: DriftFound) -> list[page.Table]:
+def drift_tables(found: DriftFound) -> list[Table]:
     """Return a row for each stretch between homings, or each card: RMSE of every joint, ! where it is beyond."""
     joints = _joints(found)
-    errors = page.joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", "")
+    errors = joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", "")
     if any(isinstance(stretch, CardStretch) for stretch in found.stretches):
-        card: list[page.Column] = [("card", "recording"), "date", "instrument", "tool", ("delay [s]", "delay:+.3f")]
-        zeros = page.joint_columns(joints, lambda s, j: s.zeros[j], "+.3f")
+        card: list[Column] = [("card", "recording"), "date", "instrument", "tool", ("delay [s]", "delay:+.3f")]
+        zeros = joint_columns(joints, lambda s, j: s.zeros[j], "+.3f")
         return [
-            page.Table([*card, *errors], found.stretches, "RMSE on data that each model did not see; ! beyond"),
-            page.Table([*card[:2], *zeros], found.stretches, "Zeros: what is added to each joint"),
+            Table([*card, *errors], found.stretches, "RMSE on data that each model did not see; ! beyond"),
+            Table([*card[:2], *zeros], found.stretches, "Zeros: what is added to each joint"),
         ]
-    return [
-        page.Table(["recording", "homing", "date", "rows", *errors], found.stretches, "RMSE between homings; ! beyond")
-    ]
+    return [Table(["recording", "homing", "date", "rows", *errors], found.stretches, "RMSE between homings; ! beyond")]
 
 
 def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequence[str] = ()) -> None:
@@ -83,15 +81,15 @@ def _place(stretch: Stretch) -> str:
 PROMISE = "promised: between what the RMSE of other minutes of this day lies, of motion like these, 19 times of 20"
 
 
-def refresh_table(changes: Sequence[JointChange], rows: int) -> page.Table:
+def refresh_table(changes: Sequence[JointChange], rows: int) -> Table:
     """Return a row for each joint: what moved, its error before and after, and what is promised."""
     unit = in_units(change.unit for change in changes)
-    columns: list[page.Column] = [
+    columns: list[Column] = [
         ("joint", "name"), "unit", "change", (f"moved {unit}", "moved:+.3f"),
         (f"RMSE before {unit}", "rmse_before:.3f"), (f"on blocks after {unit}", "rmse_after:.3f"),
         (f"promised {unit}", lambda change: f"{change.rmse_low:.3f} to {change.rmse_high:.3f}"),
     ]  # fmt: skip
-    return page.Table(columns, changes, f"What became of each joint, on {rows:,} new rows")
+    return Table(columns, changes, f"What became of each joint, on {rows:,} new rows")
 
 
 def write_refresh_report(

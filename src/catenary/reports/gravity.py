@@ -6,6 +6,7 @@ from typing import Any
 
 from catenary.control.loop_report import Holding, Tracking
 from catenary.reports import page
+from catenary.tables import Column, Table
 from catenary.units import DISPLAY, TORQUE_UNIT
 
 _MAX_POINTS = 4_000  # in a line
@@ -26,10 +27,10 @@ _HOLDING = (
 )
 
 
-def gravity_table(result: Tracking | Holding, title: str = "") -> page.Table:
+def gravity_table(result: Tracking | Holding, title: str = "") -> Table:
     """Return a row per joint: of tracking its RMS error, PD term and torque, of holding its drift."""
 
-    def of(heading: str, key: str, form: str, unit: str = "unit") -> page.Column:
+    def of(heading: str, key: str, form: str, unit: str = "unit") -> Column:
         return heading, lambda joint: f"{joint[key]:{form}} {joint[unit]}"
 
     joints = result.as_data()["joints"]
@@ -44,7 +45,7 @@ def gravity_table(result: Tracking | Holding, title: str = "") -> page.Table:
             of("RMS torque", "rms_torque", ".3f", "torque_unit"),
             ("PD share", lambda joint: f"{share[joint['name']]:.1f} %"),
         ]
-    return page.Table([("joint", "name"), *columns], joints, title)
+    return Table([("joint", "name"), *columns], joints, title)
 
 
 def write_gravity_report(

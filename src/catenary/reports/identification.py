@@ -12,6 +12,7 @@ from catenary.identification.residuals import LogResidual
 from catenary.identification.samples import Samples
 from catenary.reports import page
 from catenary.reports.robot_plot import robot_picture
+from catenary.tables import Column, Table, joint_columns
 from catenary.units import TORQUE_UNIT
 
 _MAX_POINTS = 3000  # rows a picture draws; more are not seen
@@ -24,7 +25,7 @@ def write_identification_report(
     """Write the page about an identification, one self-contained file; torques are drawn of the recordings `shown`."""
     blocks: list[page.Block] = [
         page.Heading("Residuals"),
-        residual_table(found),
+        found.residual_table,
         page.Text(
             "RMS of measured less predicted torque over RMS of the torque, per axis, known torques subtracted first. "
             "On a recording that was not fitted the model holds while no axis has more than twice the training "
@@ -49,7 +50,7 @@ def write_identification_report(
         blocks += [page.Heading("Rotors"), rotors]
     blocks += [
         page.Heading("Base parameters"),
-        parameter_table(found),
+        found.parameter_table,
         page.Listing("What each stands for", "\n".join(found.base.describe(i) for i in range(found.base.count))),
         page.Listing("The whole card", json_text(card)),
     ]
@@ -59,52 +60,37 @@ def write_identification_report(
     page.write_page(path, f"Identification of {found.model.name}", lead, blocks)
 
 
-def residual_table(found: Identification) -> page.Table:
-    """Return the relative residual per recording and axis, with the verdict."""
-    names = [(name, "") for name in found.model.joint_names]
-    per_axis = page.joint_columns(names, lambda r, j: r.relative_rms[j], ".3f")
-    columns: list[page.Column] = [("recording", "log"), "rows", *per_axis, ("verdict", lambda r: r.verdict or "fitted")]
-    return page.Table(columns, _all(found), "Residual over torque (RMS) per axis")
-
-
-def absolute_table(found: Identification) -> page.Table:
+def absolute_table(found: Identification) -> Table:
     """Return the RMS residual per recording and axis in Nm and N."""
     units = [TORQUE_UNIT[unit] for unit in found.model.joint_units]
     joints = list(zip(found.model.joint_names, units, strict=True))
-    columns = [("RMS residual", "log"), *page.joint_columns(joints, lambda r, j: r.rms[j], ".4f")]
-    return page.Table(columns, _all(found), "RMS residual")
+    columns = [("RMS residual", "log"), *joint_columns(joints, lambda r, j: r.rms[j], ".4f")]
+    return Table(columns, _all(found), "RMS residual")
 
 
-def parameter_table(found: Identification) -> page.Table:
-    """Return every base parameter with its standard deviation."""
-    shares = (deviation / abs(value) if value else None for value, deviation in zip(found.beta, found.std, strict=True))
-    rows = list(zip(found.base.names, found.base.units, found.beta, found.std, shares, strict=True))
-    return page.Table(["parameter", "unit", ("value", ":.5g"), ("std", ":.2g"), ("std / value", ":.0f %")], rows)
-
-
-def mass_table(found: Identification) -> page.Table | None:
+def mass_table(found: Identification) -> Table | None:
     """Return every link's mass and centre as identified beside those of the robot's file; None where there are none."""
     if not found.prior or found.phi is None:
         return None
     robot, given = found.robot(), found.model
-    columns: list[page.Column] = ["link", ("mass [kg]", ":.3g"), ("file's [kg]", ":.3g"), ("ratio", ":.2f")]
+    columns: list[Column] = ["link", ("mass [kg]", ":.3g"), ("file's [kg]", ":.3g"), ("ratio", ":.2f")]
     columns.append(("centres apart [mm]", ":.0f"))
     links = [i for i in found.base.parameters.links if given.tree.mass[i] > 0.0]
     mass, own = robot.tree.mass[links], given.tree.mass[links]
     apart = 1000.0 * np.linalg.norm(robot.tree.com[links] - given.tree.com[links], axis=1)
     rows = list(zip((given.link_names[i] for i in links), mass, own, mass / own, apart, strict=True))
-    return page.Table(columns, rows, "Links beside the robot's file; single masses are drawn to it, not measured")
+    return Table(columns, rows, "Links beside the robot's file; single masses are drawn to it, not measured")
 
 
-def rotor_table(found: Identification) -> page.Table | None:
+def rotor_table(found: Identification) -> Table | None:
     """Return the rotors as seen at the joints; None where there are none."""
 
     def told(rotor: Rotor) -> str:
         return "as stated" if found.options.rotors else "by itself" if rotor.error is not None else "with its link's"
 
-    columns: list[page.Column] = [("rotor", "name"), ("reflected inertia [kg m2, kg]", "inertia:.3g")]
+    columns: list[Column] = [("rotor", "name"), ("reflected inertia [kg m2, kg]", "inertia:.3g")]
     columns += [("std", "error:.2g"), ("told", told)]
-    return page.Table(columns, found.rotors, "Rotors, as seen at the joints") if found.rotors else None
+    return Table(columns, found.rotors, "Rotors, as seen at the joints") if found.rotors else None
 
 
 def excitation_facts(found: Identification) -> list[tuple[str, str]]:
@@ -127,9 +113,9 @@ def torque_picture(found: Identification, samples: Samples) -> page.Picture:
     figure, panels = page.joint_panels(list(zip(found.model.joint_names, units, strict=True)), 1.7)
     for i, (axis,) in enumerate(panels):
         for values, colour, label in (
-            (tau[:, i], "#5b6675", "measured"),
-            (predicted[:, i], "#c2410c", "predicted"),
-            (tau[:, i] - predicted[:, i], "#1d6fb8", "residual"),
+            (tau[:, i], page.GREY, "measured"),
+            (predicted[:, i], page.ORANGE, "predicted"),
+            (tau[:, i] - predicted[:, i], page.BLUE, "residual"),
         ):
             axis.plot(time, values, color=colour, linewidth=0.8, label=label)
     panels[0, 0].legend(loc="upper right", ncols=3, fontsize=8)

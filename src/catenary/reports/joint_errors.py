@@ -1,7 +1,7 @@
 """Errors of a calibration's joints: tables, pictures, a figure for a paper; commands laid over measurements."""
 
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,11 +9,12 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.calibration.conformal import coverage_verdicts
-from catenary.calibration.evaluate import Evaluation, Spread
+from catenary.calibration.evaluate import Evaluation, error_table
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.reports.page import BLUE, ORANGE, Block, Column, Heading, Picture, Table, Text, joint_columns, picture
+from catenary.reports.page import BLUE, GREY, ORANGE, Block, Heading, Picture, Text, picture
+from catenary.tables import Column, Table, in_units, joint_columns
 from catenary.units import DISPLAY
 from catenary.verdict.delay import delay_of
 
@@ -22,31 +23,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-RAW, OFFSET, MODEL, INTERVAL = "#8a94a3", BLUE, ORANGE, "#2a7f4f"
+RAW, OFFSET, MODEL, INTERVAL = GREY, BLUE, ORANGE, "#2a7f4f"
 MAX_POINTS = 10_000  # of a line; more would hide each other
 _GAP_STEPS = 5.0  # times the median step of a recording: beyond it rows are missing
 _SHOWN_SHARE = 0.998  # of the errors, that a picture's range is made for
 _LABEL_WIDTH = 32  # characters in a line of a legend
-
-
-def in_units(units: Iterable[str]) -> str:
-    """Return the units of a column: [deg], [mm], or [deg|mm] where each row names its own."""
-    return f"[{'|'.join(sorted(set(units)))}]"
-
-
-def error_table(
-    evaluation: Evaluation, name: str = "model", *, title: str = "RMSE and largest error per joint"
-) -> Table:
-    """Return RMSE per joint raw, after the fixed offset and after the model, and the share outside its valid range."""
-    unit = in_units(joint.unit for joint in evaluation.joints)
-    columns: list[Column] = [
-        ("joint", "name"), "unit", (f"raw RMSE {unit}", "raw_rmse:.3f"),
-        (f"fixed offset RMSE {unit}", "offset_rmse:.3f"), (f"{name} RMSE {unit}", "rmse:.3f"),
-        ("of fixed offset [%]", lambda joint: percent(joint.percent_of_offset, 1)),
-        (f"largest raw {unit}", "raw_max:.2f"), (f"largest {name} {unit}", "max:.2f"),
-        ("outside [% of rows]", "outside_valid_range:.1f %"),
-    ]  # fmt: skip
-    return Table(columns, evaluation.joints, title)
 
 
 def error_blocks(evaluation: Evaluation, name: str) -> list[Block]:
@@ -63,11 +44,6 @@ def error_blocks(evaluation: Evaluation, name: str) -> list[Block]:
     ]
 
 
-def percent(value: float, digits: int) -> str:
-    """Return a percentage as text; a dash for NaN, a percentage of nothing."""
-    return f"{value:.{digits}f} %" if np.isfinite(value) else "-"
-
-
 def window_table(evaluation: Evaluation) -> Table:
     """Return the RMSE after the model per window of time."""
     unit = evaluation.window_unit
@@ -75,23 +51,6 @@ def window_table(evaluation: Evaluation) -> Table:
     joints = [(joint.name, joint.unit) for joint in evaluation.joints]
     per_joint = joint_columns(joints, lambda window, k: window.rmse[k], ".3f")
     return Table([*first, *per_joint], evaluation.windows, "RMSE of the model over time")
-
-
-def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
-    """Return mean and standard deviation of the RMSE over blocks of a cross-validation, and what they let expect."""
-    unit = in_units(s.unit for s in spread)
-    columns: list[Column] = [
-        "joint", "unit", ("blocks", "folds"),
-        (f"fixed offset RMSE {unit}", lambda s: f"{s.offset_rmse_mean:.3f} ± {s.offset_rmse_sd:.3f}"),
-        (f"{name} RMSE {unit}", lambda s: f"{s.rmse_mean:.3f} ± {s.rmse_sd:.3f}"),
-    ]  # fmt: skip
-    if all(s.rmse_low is not None for s in spread):
-        columns.append((f"as trained {unit}", lambda s: f"{s.rmse_low:.3f} to {s.rmse_high:.3f}"))
-        columns.append((f"in the margin {unit}", lambda s: f"at most {s.rmse_margin:.3f}"))
-    if all(s.held_low is not None for s in spread):
-        shares = "in intervals [% of rows]"
-        columns.append((shares, lambda s: f"{100 * s.held_low:.0f} to {100 * s.held_high:.0f} %"))
-    return Table(columns, spread, "RMSE on data that the fit did not see, and on a stretch to come")
 
 
 def coverage_table(evaluation: Evaluation) -> Table | None:

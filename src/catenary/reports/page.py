@@ -1,9 +1,8 @@
-"""Tables for the terminal and for pages; self-contained HTML pages of text, tables and pictures."""
+"""Self-contained HTML pages of text, tables and pictures."""
 
 import base64
 import io
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from datetime import UTC, date, datetime
 from importlib.resources import files
 from pathlib import Path
@@ -11,80 +10,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from catenary import __version__
 from catenary.files import write_atomically
+from catenary.tables import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-GREY, BLUE, ORANGE = "#b8c0cc", "#4b6b94", "#d9622b"  # of what is drawn: before, after, and what stands out
+# of what is drawn: before, after, and what stands out; in print without colours light, dark and in between
+GREY, BLUE, ORANGE = "#b8c0cc", "#2c4a75", "#d9622b"
 _DOTS_PER_INCH = 150
-# a heading with its unit, and what of a record stands below: a function, or KEY:FORM as "rmse:.3f", ":.1f %" of a share
-Column = str | tuple[str, str | Callable[[Any], Any]]
-
-
-@dataclass(frozen=True)
-class Table:
-    """Records as rows, a column for what is told of each: its key or attribute; of lists the cell of its place.
-
-    A heading alone is its own key. What is no number stands as it is, a dash for None and NaN.
-    """
-
-    columns: Sequence[Column]
-    records: Sequence[Any]
-    title: str = ""
-    left: int = 1  # columns that stand to the left; the others to the right
-
-    @property
-    def header(self) -> list[str]:
-        """The columns' headings."""
-        return [column if isinstance(column, str) else column[0] for column in self.columns]
-
-    @property
-    def rows(self) -> list[list[str]]:
-        """The cells, as text."""
-        return [[_cell(column, record, place) for place, column in enumerate(self.columns)] for record in self.records]
-
-    def text(self) -> str:
-        """Return the table for a terminal, never cut; a unit in a heading, as in `J1 [deg]`, stands on its own line."""
-        heads = [(*heading.replace(" [", "\n[").split("\n"), "")[:2] for heading in self.header]
-        names = list(zip(*heads, strict=True)) if any(unit for _, unit in heads) else [[n for n, _ in heads]]
-        cells = [[" ".join(cell.split()) for cell in row] for row in self.rows]
-        widths = [max(len(row[i]) for row in [*names, *cells]) for i in range(len(heads))]
-        lines = [self.title, ""] if self.title else []
-        for row in (*names, ["-" * width for width in widths], *cells):
-            placed = [
-                cell.ljust(width) if i < self.left else cell.rjust(width)
-                for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-            ]
-            lines.append(f"  {'  '.join(placed)}".rstrip())
-        return "\n".join([*lines, ""])
-
-
-def joint_columns(joints: Sequence[tuple[str, str]], value: Callable[[Any, int], Any], form: str) -> list[Column]:
-    """Return a column for each joint of these names and units; `value` tells a record's number of the k-th."""
-
-    def column(k: int, name: str, unit: str) -> Column:
-        return f"{name} [{unit}]" if unit else name, lambda record: _text(value(record, k), form)
-
-    return [column(k, *joint) for k, joint in enumerate(joints)]
-
-
-def _cell(column: Column, record: Any, place: int) -> str:
-    told = column if isinstance(column, str) else column[1]
-    if callable(told):
-        return _text(told(record), "")
-    key, _, form = (column, "", "") if isinstance(column, str) else told.partition(":")
-    if type(record) in (list, tuple):
-        return _text(record[place], form)
-    return _text(record[key] if isinstance(record, Mapping) else getattr(record, key), form)
-
-
-def _text(value: Any, form: str) -> str:
-    if value is None or value != value:  # NaN
-        return "-"
-    if isinstance(value, str):
-        return value
-    number = form.removesuffix(" %")
-    return f"{value:{form}}" if number == form else f"{100.0 * value:{number}} %"
+_MAX_DRAWN_POINTS = 1000  # of a line or an area: of more a file for a paper holds a picture
 
 
 class Heading(NamedTuple):
@@ -164,9 +98,17 @@ def joint_panels(
 
 
 def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
-    """Write a figure of the kind that the name ends in, else PNG; fonts are TrueType in PDF, outlines in SVG."""
+    """Write a figure of the kind that the name ends in, else PNG; fonts are TrueType in PDF, outlines in SVG.
+
+    Lines of many points are pictures in these, so that a figure of hours takes some 100 kB.
+    """
     from matplotlib import rc_context
 
+    for axes in figure.axes:
+        for line in axes.lines:
+            line.set_rasterized(len(line.get_path()) > _MAX_DRAWN_POINTS)
+        for area in axes.collections:
+            area.set_rasterized(sum(map(len, area.get_paths())) > _MAX_DRAWN_POINTS)
     kind = path.suffix.lower().removeprefix(".") if path.suffix.lower() in endings else "png"
     buffer = io.BytesIO()
     with rc_context({"pdf.fonttype": 42}):

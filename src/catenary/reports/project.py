@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from catenary.calibration.evaluate import Evaluation
+from catenary.calibration.evaluate import Evaluation, percent
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.plant import MotionLog
 from catenary.reports.calibration import write_calibration_report
-from catenary.reports.joint_errors import percent
-from catenary.reports.page import BLUE, Block, Column, Heading, Picture, Table, Text, picture
+from catenary.reports.page import BLUE, Block, Heading, Picture, Text, picture
+from catenary.tables import Column, Table
 from catenary.units import DISPLAY
 
 _TEST_COLOR = "#d9a441"

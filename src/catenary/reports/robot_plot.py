@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Part = Literal["frames", "masses", "gravity", "torques"]
 PARTS: tuple[Part, ...] = ("frames", "masses", "gravity", "torques")
-_AXIS_COLORS = {"x": "#c0392b", "y": "#2a7f4f", "z": "#1d6fb8"}
+_AXIS_COLORS = {"x": "#e57368", "y": "#2a7f4f", "z": "#123f78"}
 _MASS_COLOR, _GRAVITY_COLOR = "#8a6d1f", "#7a3e9d"
 _MIN_EXTENT_MM = 1.0  # of a picture
 _SAME_POINT_M = 1e-6  # between points that are drawn as two
@@ -97,7 +97,8 @@ def middle_pose(model: RobotModel) -> Floats:
 def _places(model: RobotModel, on: Any, *, with_bars: bool) -> tuple[Any, list[Any]]:
     """Return axes for the arm, and one for the bars of each unit."""
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+
+    from catenary.reports.shown_figure import ShownFigure
 
     if isinstance(on, Axes):
         if on.name != "3d":
@@ -106,7 +107,7 @@ def _places(model: RobotModel, on: Any, *, with_bars: bool) -> tuple[Any, list[A
     groups = joints_by_unit(model) if with_bars else {}
     if on is None:
         height = max(_MIN_HEIGHT_INCH, _ROW_INCH * model.n + 0.9 * len(groups)) if groups else _ALONE_INCH
-        on = Figure(figsize=(_WIDTH_INCH if groups else _ALONE_INCH, height), layout="constrained")
+        on = ShownFigure(figsize=(_WIDTH_INCH if groups else _ALONE_INCH, height), layout="constrained")
     if not groups:
         return on.add_subplot(projection="3d"), []
     grid = on.add_gridspec(

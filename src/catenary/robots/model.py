@@ -15,6 +15,8 @@ from catenary.robots.actuation import Actuation
 from catenary.robots.link_inertia import LinkInertia, check_inertia, symmetric, unphysical
 from catenary.robots.plausible import FAR, HEAVY_RATIO
 from catenary.spatial import Pose
+from catenary.tables import OnScreen, Screen, Table
+from catenary.units import shown_rows
 
 Massless = Sequence[str] | Literal["all"]  # links declared to have no mass; all that a description gives none
 _log = logging.getLogger(__name__)
@@ -56,8 +58,8 @@ class Unseen(NamedTuple):
     high: float  # by how much more
 
 
-@dataclass(frozen=True, eq=False)  # arrays have no single truth value: two models are equal if they are one
-class RobotModel:
+@dataclass(frozen=True, eq=False, repr=False)  # two models are equal if they are one: arrays have no truth value
+class RobotModel(OnScreen):
     """One robot: a tree, and how its n coordinates move the tree's joints.
 
     tree coordinate = coupling @ q + offset. Torques go the other way: tau = coupling.T @ tree torque.
@@ -120,6 +122,16 @@ class RobotModel:
     def kernels(self) -> dict[str, Any]:
         """What `catenary.dynamics.robot_kernels` compiled for this robot, for as long as the model lives."""
         return {}
+
+    @property
+    def screen(self) -> Screen:
+        """Each joint's limits, and the mass of all links."""
+        columns = ("joint", "unit", ("lower", ":.4g"), ("upper", ":.4g"), ("per second", ":.4g"), ("Nm, N", ":.4g"))
+        limits = shown_rows(self, self.lower, self.upper, self.velocity_limit)
+        table = Table(columns, [(*row, effort) for row, effort in zip(limits, self.effort_limit, strict=True)])
+        lacking = ", ".join(self.missing_inertia)
+        mass = f"no mass for {lacking}" if lacking else f"{self.tree.mass.sum():.3g} kg"
+        return Screen(f"{self.name}: {self.n} joints, tip {self.tip}, {mass}", [table], "; ".join(self.doubts))
 
     def require_masses(self) -> None:
         """Refuse a model that cannot give gravity torques, which need masses and their centres."""

@@ -6,7 +6,7 @@ from contextlib import suppress
 from importlib.resources import as_file
 from pathlib import Path
 from typing import Literal
-from urllib.parse import unquote, urlsplit
+from urllib.parse import urlsplit
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -215,13 +215,15 @@ def _mesh(what: str, name: str | None, path: Path | None, packages: Sequence[Pat
         raise FileFormatError(f"{what}: no filename")
     beside = None if path is None else path.absolute().parent
     # ROS's own variable: where its packages lie
-    listed = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(":") if p]
+    listed = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
     folders = [*packages, *listed]
-    scheme, _, rest = name.partition("://")
+    scheme, _, rest = name.replace("\\", "/").partition("://")
     if not rest:
-        places = [Path(name)] if beside is None else [beside / name]
+        places = [(beside or Path()) / written for written in (name, scheme)]  # the second with / for \ of Windows
     elif scheme == "file":
-        places = [Path(unquote(urlsplit(name).path))]
+        from urllib.request import url2pathname  # brings http
+
+        places = [Path(url2pathname(urlsplit(name).path))]
     elif scheme in ("package", "model"):
         # a package is a folder of its name: in the folders given, or above the file
         above = [] if beside is None else [beside, *beside.parents]

@@ -1,19 +1,18 @@
 """A terminal whose keys come one by one, put back as it was on every way out, and its bytes as keys."""
 
 import codecs
-import contextlib
 import os
 import re
-import select
 import signal
 import sys
-import termios
-import tty
+from collections.abc import Callable
+from select import select
 from shutil import get_terminal_size
 from types import FrameType
 from typing import Any, Self
 
 from catenary.errors import InputError
+from catenary.operating_system import ENDING_SIGNALS, HAS_SINGLE_KEYS, single_keys
 
 _ESCAPE = "\x1b"
 # [s] that the rest of an escape sequence may be under way; over SSH it may come in two packets
@@ -54,25 +53,23 @@ class KeyReader:
 
 _OPEN = "\x1b[?1049h\x1b[?25l\x1b[2J"  # another screen, no cursor
 _CLOSE = "\x1b[?25h\x1b[?1049l"
-_ENDS = (signal.SIGTERM, signal.SIGHUP)
 
 
 class RawTerminal:
     """Standard input and output, while it is entered. Ctrl-C stays an interrupt, Ctrl-Z suspends and comes back."""
 
     def __init__(self) -> None:
-        if not (sys.stdin.isatty() and sys.stdout.isatty()):
-            raise InputError("teleop: needs a terminal for keys and screen; over SSH give it one with ssh -t")
+        if not (HAS_SINGLE_KEYS and sys.stdin.isatty() and sys.stdout.isatty()):
+            raise InputError("teleop: needs a terminal of Linux or macOS for keys; over SSH give it one with ssh -t")
         self._in, self._out = sys.stdin.fileno(), sys.stdout.fileno()
-        self._attributes: list[Any] | None = None
+        self._put_back: Callable[[], None] = lambda: None
         self._handlers: dict[int, Any] = {}
         self.ended: str | None = None  # the signal that asked for the end, or that the terminal is gone
         self.wants_suspension = False  # Ctrl-Z: `suspend` when the robot is safe
         self._last: list[str] = []
 
     def __enter__(self) -> Self:
-        self._attributes = termios.tcgetattr(self._in)
-        for number in _ENDS:
+        for number in ENDING_SIGNALS:
             self._handlers[number] = signal.signal(number, self._end)
         self._handlers[signal.SIGTSTP] = signal.signal(signal.SIGTSTP, self._ask)
         self._open()
@@ -91,8 +88,7 @@ class RawTerminal:
 
     def read(self) -> bytes:
         """Return what was typed so far, without waiting."""
-        ready, _, _ = select.select([self._in], [], [], 0.0)
-        if not ready:
+        if not select([self._in], [], [], 0.0)[0]:
             return b""
         try:
             data = os.read(self._in, 4096)
@@ -113,15 +109,13 @@ class RawTerminal:
         self._write(text)
 
     def _open(self) -> None:
-        tty.setcbreak(self._in, termios.TCSANOW)
+        self._put_back = single_keys(self._in)
         self._last = []
         self._write(_OPEN)
 
     def _close(self) -> None:
         self._write(_CLOSE)
-        if self._attributes is not None:
-            with contextlib.suppress(termios.error):  # the terminal may be gone
-                termios.tcsetattr(self._in, termios.TCSANOW, self._attributes)
+        self._put_back()
 
     def _write(self, text: str) -> None:
         data = text.encode("utf-8")

@@ -10,12 +10,12 @@ import time
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 from multiprocessing.connection import Connection
-from select import select
 from types import MappingProxyType
 from typing import Self
 
 from catenary.errors import CatenaryError, InputError, MissingPackageError, to_install
 from catenary.monitor import Snapshot
+from catenary.operating_system import takes_more
 from catenary.view.shown import Change, Shown, Value
 from catenary.view.viser_page import ViserPage, open_server
 
@@ -76,7 +76,7 @@ class PageProcess:
 
     def put(self, state: Snapshot, values: Mapping[str, Value] = MappingProxyType({})) -> None:
         """Show a state, and values of controls, unless the page has not taken what was sent before."""
-        if self._is_open and select([], [self._pipe], [], 0.0)[1]:  # as its socket tells
+        if self._is_open and takes_more(self._pipe):
             with contextlib.suppress(OSError):  # a page that is gone shows nothing
                 self._pipe.send((shortened(state), dict(values)))
 

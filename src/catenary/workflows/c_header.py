@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model_kinds import MODEL_KINDS
 from catenary.control.correction import SLOW_TORQUE_S
 from catenary.dynamics import lines
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
@@ -57,6 +58,8 @@ def c_header(
     known: CalibrationModel | RobotModel | None = model if model is not None else calibration
     if known is None:
         raise InputError("C header: expected a robot, a calibration model, or both; got neither")
+    if calibration is not None and calibration.kind in MODEL_KINDS and not MODEL_KINDS[calibration.kind].in_c:
+        raise InputError(f"C header: a model of kind {calibration.kind} runs in Python alone, there is no C of it")
     name, notes, functions = c_name("model" if model is None else model.name), list[str](), list[str]()
     told: dict[str, Any] = {"name": name, "known": known, "rate_hz": rate_hz, "what": "Calibration model"}
     if model is not None:

@@ -140,12 +140,13 @@ def held_against(
     *,
     accept: Sequence[str] = (),
     max_error: tuple[float, ...] | None = None,
+    own: str | None = None,
 ) -> HeldAgainst:
     """Read a model and recordings, third-party ones by their mapping; what states no names or units has the model's.
     `accept` names findings to go on with. Rows beyond `max_error`, per joint in deg and mm, are left out; as in the
     model's fit when None.
     """
-    model, card = load_model(model_path)
+    model, card = load_model(model_path, own)
     logs = recordings_for(model, paths, reading)
     max_error, said = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
     recordings = Recordings.of(logs, robot=card.get("robot"), max_error=max_error)

@@ -37,10 +37,10 @@ from catenary.recording.import_formats.sources import needs_mapping
 from catenary.recording.logs import Reading, read_recording, read_torque_log
 from catenary.reports.calibration import card_facts, model_name
 from catenary.reports.joint_errors import overlay
-from catenary.reports.page import Column, Table
 from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
+from catenary.tables import Column, Table
 from catenary.units import DISPLAY
 from catenary.verdict.check import MAX_ERROR_OPTION, judged, repeated_findings, robot_of
 from catenary.verdict.finding import Finding

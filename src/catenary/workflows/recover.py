@@ -12,6 +12,7 @@ from rosbags.rosbag2 import Writer as McapWriter
 from catenary.errors import FileFormatError, InputError, RecordingError
 from catenary.file_formats import format_named
 from catenary.files import partial_folder
+from catenary.operating_system import sync_file
 from catenary.recording.bag_reader import JournalReader, Rescue, bags_in, open_recording, rescue_of
 from catenary.recording.bag_stream import BagStream, Source
 from catenary.recording.bag_writer import ROS2_VERSION, copy_messages
@@ -59,8 +60,7 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
                 _write_bag(source, part, is_bag=is_bag)
             for written in part.rglob("*") if part.is_dir() else [part]:
                 if written.is_file():
-                    with written.open("rb") as file:
-                        os.fsync(file.fileno())  # the disk keeps it before it gets its name
+                    sync_file(written)  # the disk keeps it before it gets its name
             if place.exists():
                 raise InputError(f"{place}: exists already, and is never overwritten")
             part.rename(place)

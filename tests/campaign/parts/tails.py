@@ -200,7 +200,7 @@ def torn(name: str, tear: int, behind: bytes, folder: Path, said: str = "", *, r
     file.write_bytes(data[:tear] + behind)
     what = f"{name}, {said}{len(behind)} bytes from {tear} of {len(data)} on"
     if name == "resumed":
-        left = JournalReader(path).left_off(in_passes=False)
+        left = JournalReader(path).left_off()
         _journal(path, tuple(m for m in messages(1) if m[1] > left.last + 300_000_000), left)
     source = open_recording(path)
     kept = sum(topic == STATE for topic, _, _ in source.messages())

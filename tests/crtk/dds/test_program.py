@@ -109,3 +109,13 @@ def test_types_of_fast_dds_are_not_compared_whatever_else_is_set(monkeypatch, wi
     # eProsima's number among DDS's vendors
     assert [one.text for one in ours.findall("Domain/Compatibility/IgnoreTypeInformation")] == ["1.15"]
     assert settings.endswith(own)  # comes last and overrules
+
+
+def test_a_middleware_that_is_none_of_dds_is_told(monkeypatch: pytest.MonkeyPatch, caplog) -> None:
+    from catenary.crtk.dds.program import enter_domain
+
+    for name, value in environment(free_domain()).items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")
+    enter_domain()
+    assert "rmw_zenoh_cpp, whose programs do not use DDS" in caplog.text

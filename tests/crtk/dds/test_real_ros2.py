@@ -135,6 +135,11 @@ def test_states_and_state_commands_are_real_ones(robot: Ticking, peer: Peer) -> 
             return [state["state"], state["is_homed"]] == wanted
 
         until(is_so, every=0.1)
+    before = peer("count", topic=f"{place}/operating_state")
+    if place == "/PSM1":  # a command that changes nothing is answered too
+        peer("say", values={"string": "disable"}, **said)
+        peer("say", values={"string": "disable"}, **said)
+        until(lambda: peer("count", topic=f"{place}/operating_state") >= before + 4, every=0.1)
     robot.plant.state_command("enable")
 
 

@@ -91,7 +91,7 @@ def test_a_full_disk_names_the_locks_file(tmp_path: Path, monkeypatch: pytest.Mo
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")  # by a descriptor the system names no file
 
-    monkeypatch.setattr(os, "pwrite", full)
+    monkeypatch.setattr(os, "write", full)
     with pytest.raises(FileFormatError, match=rf"^{tmp_path / LOCK}: cannot be locked: No space left on device$"):
         taken(tmp_path)
     monkeypatch.undo()

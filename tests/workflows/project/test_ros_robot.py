@@ -131,7 +131,7 @@ def test_a_name_used_twice_loses_no_recording_of_a_robot(tmp_path: Path) -> None
         recording.mkdir(parents=True)
         (recording / "hours").write_text(str(number))
         if number < 2:
-            set_aside(opened, "again", None)
+            set_aside(opened, "again")
     assert robot.record(opened, "again", short_motion(), "short", after="home")
     kept = [opened.folder / "replaced" / name / "hours" for name in ("again", "again.2", "again.3")]
     assert [path.read_text() for path in kept] == ["0", "1", "2"]

@@ -2,6 +2,7 @@ import errno
 import os
 from collections import deque
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,11 @@ from numpy.testing import assert_allclose
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback
+from catenary.crtk.message import header, message_class
 from catenary.crtk.message_bytes import codec
 from catenary.crtk.message_values import joint_state_message
 from catenary.errors import NotReadyError, RecordingError, TransportError
-from catenary.raven2.topics import EXT_JPOS, RAVENSTATE_100HZ, raven_topics
+from catenary.raven2.topics import EXT_JPOS, RAVENSTATE_100HZ, in_channels, raven_topics
 from catenary.recording.bag_reader import JournalReader, open_recording
 from catenary.recording.import_formats.known_layouts import read_raven
 from catenary.recording.import_formats.sources import Sources
@@ -21,10 +23,11 @@ from catenary.recording.journal import About
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.calibrate import TRAIN
 from catenary.workflows.project.folder import Project, ProjectSettings
+from catenary.workflows.project.kinds import kind_of
 from catenary.workflows.project.robot import RosRobot
 from catenary.workflows.robot import topic_recorder
 from catenary.workflows.robot.homing import AnswerYes
-from catenary.workflows.robot.topic_recorder import TopicRecorder, record_topics
+from catenary.workflows.robot.topic_recorder import Along, TopicRecorder, record_topics
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.encoded_plant import OFFSET, START, EncodedPlant
@@ -302,17 +305,20 @@ def holds_the_motion_once(folder: Path, motion: Trajectory, gaps: int) -> None:
     assert len(arrivals) == pytest.approx(RATE * motion.duration, abs=3 * (gaps + 1))
 
 
-def test_each_stretch_of_the_motion_is_recorded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(topic_recorder, "PASS", 1.0)
+def test_each_stretch_of_the_motion_is_recorded_once(tmp_path: Path) -> None:
     motion = Waves(6.0, START[:3])
     folder = interrupted(tmp_path, motion, {0.3: interrupt, 0.5: pedal, 0.8: interrupt}, delays=(0, 150, 100))
     holds_the_motion_once(folder, motion, 3)
-    assert len(list((tmp_path / "project" / "replaced").iterdir())) == 3  # the passes that were cut off
+    assert not (tmp_path / "project" / "replaced").exists()
+    told = [remark for remark in recorded(folder)[2].problems if " ended it, " in remark]
+    assert [remark.partition(" ended it")[0].partition(": ")[2] for remark in told] == [
+        "this program",
+        "the robot",
+        "this program",
+    ]
 
 
-def test_what_another_homing_measured_is_not_mixed_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(topic_recorder, "PASS", 1.0)
-
+def test_what_another_homing_measured_is_not_mixed_in(tmp_path: Path) -> None:
     def unhome(setup) -> None:
         setup.robot.plant.state = setup.robot.plant.operating_state()._replace(is_homed=False)
         raise KeyboardInterrupt
@@ -320,3 +326,26 @@ def test_what_another_homing_measured_is_not_mixed_in(tmp_path: Path, monkeypatc
     motion = Waves(3.0, START[:3])
     folder = interrupted(tmp_path, motion, {0.6: unhome})
     holds_the_motion_once(folder, motion, 0)
+
+
+@pytest.mark.parametrize("robot", ["raven2", "dvrk_psm"])
+def test_how_far_a_recording_got_is_told_by_its_setpoints_on_the_motion_itself(robot: str) -> None:
+    """Ticks that come late delay the motion, messages come by bursts; its sweeps lie side by side."""
+    kind, rng = kind_of(ProjectSettings(robot=robot)), np.random.default_rng(1)
+    motion, (topic, setpoint) = kind.excitation()[0], kind.setpoint
+    sent = np.arange(0.0, 0.9 * motion.duration, 1.0 / 30.0)
+    place = np.cumsum(np.where(rng.random(len(sent)) < 0.02, 0.3, 1.0) / 30.0)
+    bursts = np.where(rng.random(len(sent)) < 0.005, 0.3, 0.0)
+    arrival = np.maximum.accumulate(sent + bursts + np.abs(rng.normal(0.0, 0.01, len(sent))))
+    q, kind_of_message, encode = motion.sample(place)[0], message_class(topic.type), codec(topic.type).encode
+    messages = []
+    for at, row in zip(arrival, q, strict=True):
+        if robot == "raven2":
+            fields = {"jpos_d": in_channels("gold", np.append(row, np.zeros(4))) * 180.0 / np.pi}
+        else:
+            fields = {"position": row}
+        messages.append((topic.name, SECOND + round(at * SECOND), encode(kind_of_message(header(0), **fields), 0)))
+    for cut in rng.integers(10, len(messages), 5).tolist():
+        run = SimpleNamespace(begins=None, messages=lambda cut=cut: iter(messages[:cut]))
+        reader: Any = SimpleNamespace(last_run=lambda run=run: [run])
+        assert Along(motion, topic, setpoint).reached(reader) == pytest.approx(place[cut - 1], abs=0.01)

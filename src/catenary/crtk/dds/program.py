@@ -30,6 +30,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from types import MappingProxyType, new_class
 from typing import Any, NamedTuple
 
@@ -163,6 +164,7 @@ def _raw(typename: str, members: dict[str, Any]) -> type[Raw]:
 _RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 _LAST_DOMAIN = 232  # number of a domain, by the ports that DDS makes of it
 _PROGRAMS = 120  # on one machine that find each other without multicast
+_SAID_EVERY = "1 s"  # that a program is there: to those that came later, and hear only what is sent to them
 _FAST_DDS = "1.15"  # its vendor's number; from version 3 on (Kilted) both disagree on what is said of types
 _MESSAGE_BYTES = 2**26  # of a message from the network
 _logger = logging.getLogger(__name__)
@@ -181,43 +183,71 @@ def domain_number() -> int:
 def enter_domain() -> int:
     """Set up the domain of this process, where that has not been done; return its number."""
     number = domain_number()
-    settings = ",".join(part for part in (_settings(), os.environ.get("CYCLONEDDS_URI", "")) if part)
+    said, rmw = (os.environ.get(name, "") for name in ("CYCLONEDDS_URI", "RMW_IMPLEMENTATION"))
+    if "zenoh" in rmw:
+        _logger.warning("RMW_IMPLEMENTATION is %s, whose programs do not use DDS: none of them is heard here", rmw)
     with _lock:
-        if number not in _domains:
+        error: Exception | None = None
+        for interfaces in _interfaces(said) if number not in _domains else ():
             try:
-                _domains[number] = Domain(number, settings)
-            except (DDSException, UnicodeError) as error:
-                if getattr(error, "code", None) == DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
+                _domains[number] = Domain(number, ",".join(part for part in (_settings(interfaces), said) if part))
+                return number
+            except (DDSException, UnicodeError) as found:
+                if getattr(found, "code", None) == DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
                     _domains[number] = None  # set up before by another part of this program
                     return number
-                raise TransportError(
-                    f"DDS domain {number} (ROS_DOMAIN_ID) cannot be entered: {error} CYCLONEDDS_URI is "
-                    f'"{os.environ.get("CYCLONEDDS_URI", "")}"'
-                ) from error
+                error = found
+    if error is not None:
+        raise TransportError(
+            f'DDS domain {number} (ROS_DOMAIN_ID) cannot be entered: {error} CYCLONEDDS_URI is "{said}"'
+        ) from error
     return number
 
 
-def _settings() -> str:
+def _interfaces(said: str) -> tuple[str, ...]:
+    """Return settings of which interfaces to use, to be tried in turn; what a user `said`, in text or files, overrules.
+
+    Loopback is named, last: else programs of this machine that keep to it are not seen when they come later.
+    """
+    files = re.findall(r"(?:^|,)\s*(?:file://)?([^<,\s][^,]*)", said)
+    read = (Path(place) for place in files if os.access(place, os.R_OK))
+    texts = (said, *(one.read_text(encoding="utf-8", errors="replace") for one in read if one.is_file()))
+    if _range() == "SYSTEM_DEFAULT" or any("NetworkInterface" in text for text in texts):
+        return ("",)
+    routes = Path("/proc/net/route")
+    lines = routes.read_text(encoding="utf-8").splitlines() if routes.is_file() else ["", "unknown"]
+    is_offline = all(line.startswith("lo\t") for line in lines[1:])
+    others = '<NetworkInterface autodetermine="true" priority="1"/>' if _reaches_others() and not is_offline else ""
+    loopback = '<NetworkInterface address="127.0.0.1" priority="0" multicast="false"/>'
+    return f"<Interfaces>{others}{loopback}</Interfaces>", ""
+
+
+def _settings(interfaces: str) -> str:
     """Return Cyclone DDS's settings for whom to hear."""
     wide = _range()
-    peers = [] if wide in ("OFF", "SYSTEM_DEFAULT") else _peers()
-    if wide == "LOCALHOST":
-        peers.insert(0, "localhost")
     found = f"<Internal><MaxSampleSize>{_MESSAGE_BYTES} B</MaxSampleSize></Internal>"
     found += f"<Compatibility><IgnoreTypeInformation>{_FAST_DDS}</IgnoreTypeInformation></Compatibility>"
-    if wide in ("LOCALHOST", "OFF"):
-        found += "<General><AllowMulticast>false</AllowMulticast></General>"
+    multicast = "<AllowMulticast>false</AllowMulticast>" if wide in ("LOCALHOST", "OFF") else ""
+    found += f"<General>{interfaces}{multicast}</General>"
     if wide == "OFF":
         tag = f"<Tag>ros_discovery_off_{os.getpid()}</Tag>"  # nobody else has this one
         found += f"<Discovery><ParticipantIndex>none</ParticipantIndex>{tag}</Discovery>"
     elif wide != "SYSTEM_DEFAULT":
+        peers = [*(["localhost"] if wide == "LOCALHOST" else []), *_peers()]
         places = "".join(f'<Peer address="{peer}"/>' for peer in peers)
+        # Cyclone complains of each time that a static peer is not reached
+        often = "" if _peers() else f"<SPDPInterval>{_SAID_EVERY}</SPDPInterval>"
         found += (
             f"<Discovery><ParticipantIndex>auto</ParticipantIndex>"
-            f"<MaxAutoParticipantIndex>{_PROGRAMS}</MaxAutoParticipantIndex>"
+            f"<MaxAutoParticipantIndex>{_PROGRAMS}</MaxAutoParticipantIndex>{often}"
             f"{f'<Peers>{places}</Peers>' if places else ''}</Discovery>"
         )
     return f"<CycloneDDS><Domain>{found}</Domain></CycloneDDS>"
+
+
+def _reaches_others() -> bool:
+    """Return whether programs of other machines are to be heard."""
+    return _range() == "SUBNET" or (_range() == "LOCALHOST" and bool(_peers()))
 
 
 def _range() -> str:

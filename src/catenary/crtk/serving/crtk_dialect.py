@@ -40,7 +40,7 @@ from catenary.crtk.serving.served_arm import (
     servo_twist,
 )
 from catenary.crtk.serving.tool_pose import FrameOfForces, exerted, jacobian, torques_for
-from catenary.crtk.topic_names import CrtkTopic, topics
+from catenary.crtk.topic_names import STATISTICS, CrtkTopic, is_dvrks, topics
 from catenary.errors import CatenaryError, InputError
 from catenary.spatial import Pose, rotation_from_vector, rotation_vector
 
@@ -67,20 +67,33 @@ def _desired_state(arm: ServedArm) -> str:
     return "HOMED" if state.state == "ENABLED" and (state.is_homed or state.is_busy) else state.state
 
 
+def _current_state(arm: ServedArm) -> str:
+    """Return the state that it is in, in the dVRK's words."""
+    state = arm.state
+    if state.state != "ENABLED" or not (state.is_homed or state.is_busy):
+        return state.state
+    return "HOMED" if state.is_homed else "HOMING"
+
+
 def _ratio(arm: ServedArm) -> float:
     """Return the ratio of speed and acceleration; 0 where they differ, as the dVRK says it."""
     return arm.settings.speed_ratio if arm.settings.speed_ratio == arm.settings.acceleration_ratio else 0.0
 
 
 _BUSY_EVERY_TICKS = 100  # ticks between two operating states of an arm that is busy
+_STATES = ("current_state", "desired_state", "operating_state")  # verbs, in this order with each state command
 _STATE = Event(
     lambda arm: (arm.state, arm.tick // _BUSY_EVERY_TICKS if arm.state.is_busy else 0),
     lambda told, stamp: operating_state_message(told[0], stamp),
 )
 _EVENTS = {  # a dVRK's
+    "current_state": Event(_current_state, lambda state, _: _Text(state)),
     "desired_state": Event(_desired_state, lambda state, _: _Text(state)),
     "goal_reached": Event(
         lambda arm: arm.moves_ended if arm.moves_ended[0] else None, lambda ended, _: _Switch(ended[1])
+    ),
+    "period_statistics": Event(
+        lambda arm: arm.statistics, lambda told, stamp: message_class(STATISTICS)(header(stamp), *told)
     ),
     "tool_type": Event(lambda _: _TOOL_TYPE, lambda tool, _: _Text(tool)),
     "trajectory_j/ratio": Event(_ratio, lambda ratio, _: _Number(ratio)),
@@ -205,11 +218,13 @@ def local_pose(pose: Pose, stamp: int) -> Message:
     return pose_message(pose, stamp, BASE_FRAME)
 
 
+_MEASURED: dict[str, MakeMessage] = {**joints_and_tool(), "measured_cf": partial(measured_cf, frame=FrameOfForces(""))}
 # what is published of each arm in every tick, verb by verb
 _PUBLISHED: dict[str, MakeMessage] = {
     **joints_and_tool(),
     "jaw/measured_js": lambda arm, stamp: jaw(arm, arm.measured, stamp),
     "jaw/setpoint_js": lambda arm, stamp: jaw(arm, arm.setpoint, stamp),
+    "measured_cs": lambda arm, stamp: _measured_cs(arm, stamp),
     "local/measured_cp": lambda arm, stamp: local_pose(arm.measured_tool.pose, stamp),
     "local/setpoint_cp": lambda arm, stamp: local_pose(arm.setpoint_tool.pose, stamp),
     **{f"{frame.value}measured_cf": partial(measured_cf, frame=frame) for frame in FrameOfForces},
@@ -221,7 +236,8 @@ class CrtkDialect(Dialect):
     """Speaks for any arms, each in its namespace.
 
     An idle operating state is not repeated: CRTK's Python client takes whatever state comes after its move command for
-    the answer to it.
+    the answer to it. A state command is answered by the state before and after it, also where that is the same: clients
+    wait for the answer. [jhu-dvrk: mtsIntuitiveResearchKitArm, SetDesiredState and StateEvents]
     """
 
     def __init__(self, arms: Mapping[str, ServedArm], listed: Iterable[CrtkTopic] | None = None) -> None:
@@ -242,7 +258,7 @@ class CrtkDialect(Dialect):
         self._events = [
             (arm, event, publishers[verb, name])
             for name, arm in self.arms.items()
-            for verb, event in {"operating_state": _STATE, **_EVENTS}.items()
+            for verb, event in {**_EVENTS, "operating_state": _STATE}.items()
             if (verb, name) in publishers
         ]
         self._happened: list[Any] = [None] * len(self._events)
@@ -255,6 +271,13 @@ class CrtkDialect(Dialect):
                 self._happened[k] = value
                 lazy.publish(event.message(value, now))
         super().publish(now)
+
+    def answer(self, arm: ServedArm, now: int) -> None:
+        """Publish the states before a state command, stamped `now` [ns]; those after it follow."""
+        for k, (whose, event, lazy) in enumerate(self._events):
+            if whose is arm and lazy.topic.verb in _STATES:
+                lazy.publish(event.message(event.value(arm), now))
+                self._happened[k] = None
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
         """Obey a command, as every dialect; what moves nothing is switched in any state."""
@@ -269,7 +292,7 @@ class CrtkDialect(Dialect):
 
 def _has(arm: ServedArm, verb: str) -> bool:
     """Return whether an arm has what a verb needs."""
-    if verb.startswith("local/") or verb in _EVENTS or verb in _SETTINGS:  # a dVRK's
+    if is_dvrks(verb):
         return arm.tool.jaw_is_apart
     if verb == "jaw/servo_jf":
         return arm.tool.has_jaws and "servo_jf_of" in arm.plant.supports
@@ -324,14 +347,18 @@ def _increments(arm: ServedArm, message: Message, field: str = "position") -> Fl
 
 def _servo_jp(arm: ServedArm, message: Message) -> None:
     """Go towards joint positions near the setpoint: a client that stood still for seconds makes no arm leap."""
-    q = _goal(arm, message)
+    _require_near(arm, q := _goal(arm, message))
+    arm.go_towards(q)
+
+
+def _require_near(arm: ServedArm, q: Floats) -> None:
+    """Refuse joint positions (n,) that are far from the setpoint."""
     for name, unit, way in zip(arm.reported, arm.plant.joint_units, q - arm.setpoint.q, strict=False):
         if abs(way) > _SERVO_REACH[unit]:
             raise InputError(
-                f"servo_jp: {name} is {way:+.3g} {unit} from its setpoint, expected at most {_SERVO_REACH[unit]:g}; "
+                f"{name} is {way:+.3g} {unit} from its setpoint, expected at most {_SERVO_REACH[unit]:g}; "
                 "move_jp goes farther"
             )
-    arm.go_towards(q)
 
 
 def _moved(arm: ServedArm, message: Message) -> Pose:
@@ -346,6 +373,68 @@ def _step_of(arm: ServedArm, message: Message) -> Floats:
     return arm.settings.unturned(np.array([pose.position, rotation_vector(pose.rotation)]))
 
 
+_POSITION, _VELOCITY, _EFFORT = 1, 2, 4  # bits of a crtk_msgs/SetpointMode
+
+
+def _servo_js(arm: ServedArm, message: Message) -> None:
+    """Go to positions, with velocities the pace, or at velocities, or push, joint by joint as `mode` says.
+
+    Without modes it is what the message has. Joints of no mode stay.
+    """
+    n, given = len(arm.reported), (message.position, message.velocity, message.effort)
+    whole = sum(bit for bit, numbers in zip((_POSITION, _VELOCITY, _EFFORT), given, strict=True) if len(numbers))
+    modes = np.array([mode.value for mode in message.mode] or [whole] * (len(message.name) or n))
+    if len(modes) != (len(message.name) or n):
+        raise InputError(f"servo_js: {len(modes)} modes, expected {len(message.name) or n}: one per joint")
+    if (modes & _EFFORT > 0).any():
+        if not (modes == _EFFORT).all() or len(modes) != n:
+            raise InputError("servo_js: efforts beside positions or velocities: the arm takes either, of all joints")
+        arm.push_with(_numbers(arm, message, "effort"))
+        return
+
+    def numbers(field: str, bit: int, rest: Floats) -> Floats:
+        chosen = modes & bit > 0
+        if not chosen.any():
+            return rest
+        values = as_array(f"JointServo.{field}", getattr(message, field), (len(modes),))
+        names = np.array(message.name or arm.reported)[chosen]
+        named = message_class("sensor_msgs/JointState")(name=tuple(names.tolist()), position=values[chosen])
+        return _numbers(arm, named, rest=rest)
+
+    qd = numbers("velocity", _VELOCITY, np.zeros(len(arm.names)))
+    if not (modes & _POSITION > 0).any():
+        arm.run_at(qd)
+        return
+    if (modes == _VELOCITY).any():
+        raise InputError("servo_js: some joints by velocity alone, others by position: the arm takes either")
+    _require_near(arm, q := arm.whole(numbers("position", _POSITION, arm.setpoint.q)[:n]))
+    arm.go_towards(q, qd)
+
+
+def _servo_cs(arm: ServedArm, message: Message) -> None:
+    """Go to a pose, with a twist the pace; or at a twist, or push, by what is valid of a crtk_msgs/CartesianState."""
+    has_pose, has_twist = message.pose_is_valid.data, message.twist_is_valid.data
+    if message.wrench_is_valid.data:
+        if has_pose or has_twist:
+            raise InputError("servo_cs: a wrench beside a pose or a twist: the arm takes either")
+        _servo_cf(arm, message, FrameOfForces.TOOL_IN_BASE_AXES)
+    elif has_pose:
+        twist = arm.settings.unturned(np.array([message.twist.linear, message.twist.angular])).ravel()
+        place = Pose(rotation_of(message.pose.orientation), as_array("pose", tuple(message.pose.position), (3,)))
+        servo_pose(arm, arm.settings.unplaced(place), twist if has_twist else None)
+    elif has_twist:
+        _servo_cv(arm, message)
+
+
+def _measured_cs(arm: ServedArm, stamp: int) -> Message:
+    """Return pose, twist and wrench of the tool, all of one instant."""
+    pose, twist, wrench = (_MEASURED[name](arm, stamp) for name in ("measured_cp", "measured_cv", "measured_cf"))
+    valid = message_class("std_msgs/Bool")(True)
+    return message_class("crtk_msgs/CartesianState")(
+        pose.header, pose.pose, valid, twist.twist, valid, wrench.wrench, valid
+    )
+
+
 def _servo_cv(arm: ServedArm, message: Message) -> None:
     servo_twist(arm, arm.settings.unturned(np.array([message.twist.linear, message.twist.angular])).ravel())
 
@@ -358,6 +447,8 @@ _OBEYED: dict[str, Obey] = {
     "servo_cp": lambda arm, message: servo_pose(arm, arm.settings.unplaced(pose_of(message))),
     "servo_cr": lambda arm, message: servo_pose_increment(arm, *_step_of(arm, message)),
     "servo_cv": _servo_cv,
+    "servo_js": _servo_js,
+    "servo_cs": _servo_cs,
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
     "move_jp": lambda arm, message: arm.move(joint_move(arm, _goal(arm, message))),
     "move_jr": lambda arm, message: arm.move(joint_move(arm, arm.setpoint.q + _increments(arm, message))),

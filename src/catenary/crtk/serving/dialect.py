@@ -84,6 +84,9 @@ class Dialect:
             lazy.due = False
             lazy.publish(message)
 
+    def answer(self, arm: ServedArm, now: int) -> None:
+        """Answer a state command to an arm, before it is obeyed; here its state is published all the time."""
+
     def settle(self) -> str | None:
         """Do to the arms what the state of one asks of the others; say it, where it is news."""
         return None

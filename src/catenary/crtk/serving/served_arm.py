@@ -11,7 +11,7 @@ from catenary.arrays import Floats, as_array
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.state_machine import StateMachine
 from catenary.crtk.serving.tool_pose import ToolPose, ToolState
-from catenary.errors import CatenaryError, InputError, LimitError
+from catenary.errors import CatenaryError, InputError, LimitError, UnreachablePoseError
 from catenary.plant import JointState, OperatingState, Plant
 from catenary.spatial import Pose, rotation_from_vector, rotation_vector
 from catenary.trajectories.reference import Trajectory
@@ -91,6 +91,7 @@ class ServedArm:
         self.most = plant.period * np.array([_SETPOINT_SPEED[unit] for unit in plant.joint_units])
         self._increments: deque[tuple[Floats, int]] = deque()  # that wait (n,), and the ticks in which they came
         self._goal: Floats | None = None  # (n,) that is approached by clamped steps
+        self._pace = self.most  # (n,) of a step to it
         self._steps = 0  # that are left to it: so many as there were messages, or for a while
         self._follow_ticks = max(1, round(_FOLLOW_S / plant.period))
         self.settings = ArmSettings()
@@ -98,6 +99,7 @@ class ServedArm:
         self._before: tuple[Floats, bool] | None = None  # setpoint of the last tick, whether it was ready
         self.tick = 0
         self.reports_time = 0  # [ns] of the tick, for what is reported in it
+        self.statistics: tuple[float, ...] | None = None  # of the last second's ticks, as cisst has them
         self.changes = 0  # times that its state was read
         self._doing: Iterator[Floats | None] = iter(())  # where to set it (n,) in each tick, by the command that acts
         self._is_moving = False  # along a trajectory
@@ -127,14 +129,18 @@ class ServedArm:
         """Move one clamped step towards q (n,) [rad|m]; those that the last goal has left remain."""
         self._go(q, min(self._steps + 1, self._follow_ticks))
 
-    def go_towards(self, q: Floats) -> None:
-        """Move towards q (n,) [rad|m] until it is reached, or until 0.1 s have passed."""
-        self._go(q, self._follow_ticks)
+    def go_towards(self, q: Floats, qd: Floats | None = None) -> None:
+        """Move towards q (n,) [rad|m] until it is reached, or until 0.1 s have passed; as fast as qd (n,), together."""
+        self._go(q, self._follow_ticks, qd)
 
-    def _go(self, q: Floats, steps: int) -> None:
+    def _go(self, q: Floats, steps: int, qd: Floats | None = None) -> None:
         if self._goal is None:
             self._do(self._approach())
-        self._goal, self._steps = q, steps
+        self._goal, self._steps, self._pace = q, steps, self.most
+        if qd is not None and qd.any():
+            way = np.abs(q - self.setpoint.q)
+            ticks = np.max(way / self.most) / np.max(np.abs(qd) * self.plant.period / self.most)
+            self._pace = np.minimum(way / max(ticks, 1.0), self.most)
 
     def run_at(self, qd: Floats) -> None:
         """Move at qd (n,) [rad/s|m/s] for 0.1 s."""
@@ -307,7 +313,7 @@ class ServedArm:
     def _approach(self) -> Iterator[Floats]:
         while self._goal is not None:
             way, self._steps = self._goal - self.setpoint.q, self._steps - 1
-            step = self._clamped(way)
+            step = np.clip(way, -self._pace, self._pace)
             if self._steps <= 0 or (step == way).all():
                 self._goal, self._steps = None, 0
             yield self.setpoint.q + step
@@ -386,7 +392,11 @@ def pose_move(arm: ServedArm, goal: Pose) -> Callable[[], Trajectory]:
 
     [jhu-dvrk/sawIntuitiveResearchKit: mtsIntuitiveResearchKitArm::control_move_cp]
     """
-    return joint_move(arm, arm.tool.joints(goal, arm.setpoint.q, steps=_GOAL_STEPS))
+    try:
+        q = arm.tool.joints(goal, arm.setpoint.q, steps=_GOAL_STEPS)
+    except UnreachablePoseError:  # from where torques have pushed the arm to, say, its roll wound up
+        q = arm.tool.joints(goal, arm.tool.middle(arm.setpoint.q), steps=_GOAL_STEPS)
+    return joint_move(arm, q)
 
 
 def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
@@ -399,8 +409,8 @@ _REFUSED_FROM_M = 0.075  # [m] from the setpoint: the RAVEN-II refuses a servo_c
 _CLIPPED_TO_M = 0.015  # [m] a servo_cp goes at most
 
 
-def servo_pose(arm: ServedArm, pose: Pose) -> None:
-    """Go towards a pose: refused beyond 75 mm from the setpoint, and at most 15 mm of the way."""
+def servo_pose(arm: ServedArm, pose: Pose, twist: Floats | None = None) -> None:
+    """Go towards a pose, as fast as a twist (6,): refused beyond 75 mm from the setpoint, at most 15 mm of the way."""
     start = arm.tool.pose(arm.setpoint.q)
     way = pose.position - start.position
     distance = float(np.linalg.norm(way))
@@ -412,7 +422,7 @@ def servo_pose(arm: ServedArm, pose: Pose) -> None:
         share = _CLIPPED_TO_M / distance
         turn = share * rotation_vector(start.rotation.T @ pose.rotation)
         pose = Pose(start.rotation @ rotation_from_vector(turn), start.position + share * way)
-    arm.go_towards(arm.tool.joints(pose, arm.setpoint.q))
+    arm.go_towards(arm.tool.joints(pose, arm.setpoint.q), None if twist is None else _speeds(arm, twist))
 
 
 def servo_pose_increment(arm: ServedArm, step: Floats, turn: Floats) -> None:
@@ -423,10 +433,15 @@ def servo_pose_increment(arm: ServedArm, step: Floats, turn: Floats) -> None:
 
 def servo_twist(arm: ServedArm, twist: Floats) -> None:
     """Move the tool at a velocity and angular velocity (6,) in base axes [m/s, rad/s], for 0.1 s."""
-    dt, q = arm.plant.period, arm.setpoint.q
-    qd = (_joints_beside(arm, q, dt * twist[:3], dt * twist[3:]) - q) / dt
+    qd = _speeds(arm, twist)
     with np.errstate(divide="ignore"):
-        arm.run_at(qd * min(1.0, float((arm.most / dt / np.abs(qd)).min())))
+        arm.run_at(qd * min(1.0, float((arm.most / arm.plant.period / np.abs(qd)).min())))
+
+
+def _speeds(arm: ServedArm, twist: Floats) -> Floats:
+    """Return joint velocities (n,) that move the tool at a twist (6,) from the setpoint."""
+    dt, q = arm.plant.period, arm.setpoint.q
+    return (_joints_beside(arm, q, dt * twist[:3], dt * twist[3:]) - q) / dt
 
 
 def _joints_beside(arm: ServedArm, q: Floats, step: Floats, turn: Floats) -> Floats:

@@ -8,6 +8,7 @@ changes [diagnostic_msgs/DiagnosticArray; ROS REP 107: name, hardware_id]) and e
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from time import perf_counter
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from catenary.crtk.topic_names import (
     CONSOLE_COMMANDS,
     DIAGNOSTICS,
     DIAGNOSTICS_TYPE,
+    ERROR,
     JOINT_STATE,
     WARNING,
     CrtkTopic,
@@ -116,6 +118,25 @@ _COMMAND_COST_A_TICK = (
 )
 
 
+class _Periods:
+    """Statistics of ticks over a second, as cisst's mtsIntervalStatistics has them."""
+
+    def __init__(self, period: float) -> None:
+        self._period, self._ticks = period, list[tuple[float, float]]()  # when they began and took [s]
+        self.told: tuple[float, ...] | None = None  # of the last whole second, in the message's order
+
+    def add(self, began: float, took: float) -> None:
+        """Add a tick."""
+        self._ticks.append((began, took))
+        if began - self._ticks[0][0] < 1.0:
+            return
+        when, took_all = np.array(self._ticks).T
+        periods, overruns = np.diff(when), int(np.sum(took_all > self._period))
+        moments = [f(row) for row in (periods, took_all[1:]) for f in (np.mean, np.std, np.min, np.max)]
+        self.told = (*map(float, moments), len(periods), overruns, float(when[-1] - when[0]), 0)
+        self._ticks = self._ticks[-1:]
+
+
 class Server:
     """Serves arms over a transport, in a dialect."""
 
@@ -137,6 +158,7 @@ class Server:
         self.commands = 0  # taken in, whether they were obeyed or not
         self.ticks = 0
         self._dialect = dialect
+        self._periods = _Periods(max(arm.plant.period for arm in arms.values()))
         self._every = publish_every
         self._stamps = Stamps(transport.clock)
         begin, published, processes = transport.steady(), transport.topics(), transport.publishing()
@@ -152,6 +174,7 @@ class Server:
         self._sources.sort(key=lambda source: not source.topic.commands_state)
         self._others = sum(source.topic.commands_state for source in self._sources)  # where the others begin
         self._commanders = {name: Commander(transport) for name in arms}
+        self._due = begin  # [ns] when the tick was due
         self._arrivals = 0  # messages that were looked at, or wait
         self._is_behind = False  # some wait
         self.publishers = {
@@ -173,13 +196,14 @@ class Server:
 
     def tick(self, late: float = 0.0) -> None:
         """Read commands, move the arms by a tick, publish; one that is `late` [s] is stamped as it was due."""
-        now = self.transport.steady()
-        stamp = self._stamps.next(now - round(late * SECOND))
+        now, began = self.transport.steady(), perf_counter()
+        self._due = now - round(late * SECOND)
         self.transport.poll()
         arrivals = self.transport.inbox.arrivals
         if arrivals != self._arrivals or self._is_behind:  # else nothing waits
             self._arrivals = arrivals
             self._take_in(now)
+        stamp = self._stamps.next(self._due)  # after those of answers to state commands
         for arm in self.arms.values():
             arm.reports_time = now
             arm.advance()
@@ -189,6 +213,8 @@ class Server:
         self._diagnostics.publish(now, stamp)
         for name, line in self.reports.take_told():
             self.publishers[WARNING, name].publish(_String(line))
+            if line.startswith((f"{name}: FAULT", f"{name}: fault")) and (ERROR, name) in self.publishers:
+                self.publishers[ERROR, name].publish(_String(line))
         if self.ticks % self._every == 0:
             self._dialect.publish(stamp)
         if self._encoders is not None:
@@ -203,6 +229,10 @@ class Server:
             self._stop_beside_another(now)
             for name, arm in self.arms.items():
                 self._pause_abandoned(arm, self._commanders[name], now)
+        self._periods.add(now / SECOND, perf_counter() - began)
+        if self._periods.told is not None:
+            for arm in self.arms.values():
+                arm.statistics = self._periods.told
 
     def require_alone(self) -> None:
         """Refuse to begin beside another robot of this name, which may have been announced at the same time."""
@@ -360,9 +390,10 @@ class Server:
         else:
             arms = [self.arms[topic.arm]]
         for arm in arms:
+            self._dialect.answer(arm, self._stamps.next(self._due))
             ignored = arm.machine.command(text)
             if ignored is not None:
-                self.reports.say(f"{topic.name}: ignored", ignored, now)
+                self.reports.say(f"{topic.name}: ignored", ignored, now, to=(arm.arm,))
             if not arm.is_ready:
                 arm.hold()
                 self._forget_others(arm, now)

@@ -75,9 +75,13 @@ class ToolPose:
 
     def prepare(self) -> None:
         """Compile what `joints` runs, in the middle of the joints' range, wherever the robot may be."""
-        lower, upper = search_range(self.model)
-        near: Floats = self.from_model @ (0.5 * (lower + upper))
+        near = self.middle(np.zeros(self.to_model.shape[1]))
         self.joints(self.pose(near), near)
+
+    def middle(self, q: Floats) -> Floats:
+        """Return the middle of the joints' range (n,), with the opening of the jaws at joints (n,)."""
+        lower, upper = search_range(self.model)
+        return self.from_model @ (0.5 * (lower + upper)) + q - self.from_model @ (self.to_model @ q)
 
     def in_frame_0(self, pose: Pose) -> Pose:
         """Return a pose of the base in the mechanism's frame 0; the same where it has none."""

@@ -128,6 +128,8 @@ def calibrate_robot(
 def _models(project: Project, robot: str | None, asked: FitOptions | None) -> Mapping[str, FitOptions]:
     """Return the options of a project's models, before minutes of motion and fits."""
     asked = FitOptions() if asked is None else asked
+    if asked.estimator is not None:
+        raise InputError("calibrate: fits kinds of its own; catenary fit --model module:Class fits yours")
     return models_for(robot, replace(asked, seed=project.settings.seed or 0))
 
 

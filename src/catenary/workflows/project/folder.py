@@ -7,9 +7,9 @@ that did not change.
 """
 
 import contextlib
-import fcntl
 import math
 import os
+import platform
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,6 +26,7 @@ from catenary.documents import json_value, read_bounded
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import CatenaryError, ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, sha256_of, sweep_partial, write_atomically
+from catenary.operating_system import OPEN_FILES_CAN_MOVE, OWN_FILE, lock, sync_file
 from catenary.raven2.topics import further_columns
 from catenary.trajectories.sinusoids import TURN_TIME_S
 from catenary.trajectories.zigzag import DIRECTIONS, MIN_SPARSITY, check_direction
@@ -51,16 +52,16 @@ class FolderLock:
         """Lock the folder, and say who does; not reentrant."""
         command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
         since = datetime.now().astimezone().isoformat(timespec="seconds")
-        holder = f"{command} (process {os.getpid()} on {os.uname().nodename}) has been writing in it since {since}"
+        holder = f"{command} (process {os.getpid()} on {platform.node()}) has been writing in it since {since}"
         with contextlib.ExitStack() as if_refused:
             try:
-                descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+                descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | OWN_FILE, 0o666)
                 if_refused.callback(os.close, descriptor)
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                lock(descriptor)
                 os.ftruncate(descriptor, 0)
-                os.pwrite(descriptor, holder.encode("utf-8", "backslashreplace"), 0)
+                os.write(descriptor, holder.encode("utf-8", "backslashreplace"))
             except BlockingIOError as error:
-                told = os.pread(descriptor, _MAX_HOLDER_BYTES, 0).decode("utf-8", "replace")
+                told = os.read(descriptor, _MAX_HOLDER_BYTES).decode("utf-8", "replace")
                 raise InUseError(
                     f"{self.path.parent}: {told or 'another process is writing in it'}; wait until it ends"
                 ) from error
@@ -72,7 +73,9 @@ class FolderLock:
     def check(self) -> None:
         """Refuse to go on without the lock's file: another process may have made, and locked, a new one."""
         try:
-            is_ours = self._descriptor is not None and os.path.samestat(os.fstat(self._descriptor), self.path.lstat())
+            is_ours = self._descriptor is not None and (
+                not OPEN_FILES_CAN_MOVE or os.path.samestat(os.fstat(self._descriptor), self.path.lstat())
+            )
         except OSError:
             is_ours = False
         if not is_ours:
@@ -134,8 +137,7 @@ def describe(folder: Path, outputs: Sequence[Path]) -> dict[str, dict[str, Any]]
     for output in outputs:
         for path in _files(output):
             try:
-                with path.open("rb") as file:
-                    os.fsync(file.fileno())
+                sync_file(path)
                 content = _size_and_time(path) | {"sha256": sha256_of(path)}
             except OSError as error:
                 raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from error
@@ -309,7 +311,7 @@ class Project:
                 )
             self._steps[step] = {
                 "made_from": fingerprint(made_from),
-                "files": [str(path.relative_to(self.folder)) for path in files],
+                "files": [path.relative_to(self.folder).as_posix() for path in files],
                 "version": __version__,
                 "outputs": describe(self.folder, files),
                 **(noted or {}),
@@ -352,6 +354,8 @@ class Project:
         with contextlib.suppress(OSError, InUseError, FileFormatError):
             if not self._lock.is_held:
                 self._lock.take()
+            if not OPEN_FILES_CAN_MOVE:
+                self._lock.release()
             for path in [*below, self.folder / LOCK]:
                 path.rmdir() if path.is_dir() else path.unlink(missing_ok=True)
             for path in self._made:

@@ -10,10 +10,11 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.model_refresh import MIN_SWEEPS
 from catenary.crtk.client import CrtkClient
+from catenary.crtk.message import Message
 from catenary.crtk.transport import Transport
-from catenary.dvrk_psm import PSM, PSM_JOINTS, psm_topics
+from catenary.dvrk_psm import PSM, PSM_JOINTS, psm_topic, psm_topics
 from catenary.open_robot import OverTopics, Simulated, open_robot, tilted_base
-from catenary.raven2.topics import ARM_OF_SIDE, EXT_JPOS, ROBOT, raven_topics
+from catenary.raven2.topics import ARM_OF_SIDE, CHANNELS, EXT_JPOS, ROBOT, raven_topics, state_column
 from catenary.raven2.transmission import CALIBRATED
 from catenary.recording.import_formats.importer import Synchronisation
 from catenary.recording.import_formats.known_layouts import read_psm, read_raven
@@ -53,6 +54,7 @@ class ProjectKind:
     namespace: str | None  # of its topics; None of a robot whose topics are fixed
     topics: tuple[Topic, ...]  # what is recorded
     required: tuple[Topic, ...]  # without which a recording is no calibration: its state, then what sees its joints
+    setpoint: tuple[Topic, Callable[[Message], Floats]]  # topic that has it, and what it is of `joints` (k,) [rad|m]
     columns: tuple[str, ...]  # of `telemetry`
     telemetry: Callable[[Any, Any], dict[str, Floats]]  # of a plant and T ticks of its log: column to (T, width), SI
     numbers: Callable[[], Any]  # all that makes the simulated robot another one, as plain data
@@ -118,6 +120,7 @@ def _raven(settings: ProjectSettings) -> ProjectKind:
         namespace=None,
         topics=topics,
         required=tuple(topic for topic in topics if topic.type == "raven_2/raven_state" or topic == EXT_JPOS),
+        setpoint=(topics[0], lambda message: state_column(message, "jpos_d")[list(CHANNELS[arm][: len(CALIBRATED)])]),
         columns=COLUMNS,
         telemetry=telemetry_of,
         numbers=numbers,
@@ -133,7 +136,7 @@ def _raven(settings: ProjectSettings) -> ProjectKind:
 
 def _psm(settings: ProjectSettings) -> ProjectKind:
     """Return a da Vinci PSM under the dVRK, with a tracker that sees its joints."""
-    topics = psm_topics(settings.namespace, state_rate=settings.state_rate_hz)
+    topics, n = psm_topics(settings.namespace, state_rate=settings.state_rate_hz), len(PSM_JOINTS)
 
     def random_motion(seconds: float, seed: Sequence[int]) -> Motion:
         """Return a motion of all six joints, turning anywhere in the outer part of their ranges."""
@@ -154,6 +157,7 @@ def _psm(settings: ProjectSettings) -> ProjectKind:
         namespace=settings.namespace,
         topics=topics,
         required=tuple(topic for topic in topics if not topic.name.endswith("setpoint_js")),
+        setpoint=(psm_topic(settings.namespace, "setpoint_js"), lambda message: np.asarray(message.position)[:n]),
         columns=PSM_COLUMNS,
         telemetry=psm_telemetry,
         numbers=lambda: load_psm().file.model_dump(),

@@ -26,7 +26,7 @@ from catenary.control.shutdown import MAX_SPEED
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
-from catenary.recording.journal import About, LeftOff
+from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
 from catenary.side_by_side import Progress, silent
 from catenary.simulation.firmware_plant import STATE_FORMAT as STATE_FORMAT
@@ -39,7 +39,7 @@ from catenary.workflows.project.folder import Project, write
 from catenary.workflows.project.kinds import ProjectKind, kind_of
 from catenary.workflows.robot import homing
 from catenary.workflows.robot.motion import at_rest_afterwards, check_motion, move_to, pause, paused_if_interrupted
-from catenary.workflows.robot.topic_recorder import TopicRecorder, left_off, record_passes
+from catenary.workflows.robot.topic_recorder import Along, TopicRecorder, left_off, record_motion
 from catenary.workflows.simulated_recording import driven
 
 Known = float | None  # None where the encoders said nothing
@@ -187,22 +187,16 @@ class ProjectRobot(ABC):
         """Run a model in its 1 kHz loop along a trajectory, and return its `Deployment` as plain data."""
 
 
-def set_aside(project: Project, name: str, left: LeftOff | None) -> None:
-    """Move what was recorded under a name before, or the pass of it that was cut off, to replaced/NAME, NAME.2, ..."""
+def set_aside(project: Project, name: str) -> None:
+    """Move what was recorded under a name before to replaced/NAME, NAME.2, ..."""
     folder, kept = project.folder / "recordings" / name, project.folder / "replaced"
     if not folder.exists():
         return
     kept.mkdir(exist_ok=True)
     numbered = (kept / (name if number == 1 else f"{name}.{number}") for number in count(1))
     place = next(path for path in numbered if not path.exists())
-    if left is not None:
-        place.mkdir()
-        for file in left.dropped:
-            file.rename(place / file.name)
-        _log.warning("%s: continues from %.1f s; the interrupted pass is kept in %s", name, left.begins, place)
-    else:
-        folder.rename(place)
-        _log.warning("%s: the earlier recording of this name is kept in %s", folder, place)
+    folder.rename(place)
+    _log.warning("%s: the earlier recording of this name is kept in %s", folder, place)
 
 
 def empty(folder: Path) -> None:
@@ -341,7 +335,7 @@ class RosRobot(ProjectRobot):
     def drive(
         self, project: Project, folder: Path, trajectory: Trajectory, motion: Any, *, after: str, progress: Progress
     ) -> None:
-        """Record over topics, on from the last whole pass of one that was cut off, unless it had to home since."""
+        """Record over topics, on from where one was cut off, unless it had to home since."""
         with self._connected(project) as client, paused_if_interrupted(client):
             kind = kind_of(project.settings)
             check_motion(client, trajectory, joints=kind.joints)
@@ -349,9 +343,8 @@ class RosRobot(ProjectRobot):
             self._make_homed(client, project)
             client.require_free()
             about = About(robot=kind.recorded_as, simulated=self._simulated, configuration={"motion": motion})
-            left = left_off(folder, about, kind.topics, self._transport.steady(), in_passes=True)
-            if not was_homed:
-                left = None
+            along = Along(trajectory, *kind.setpoint)
+            left = left_off(folder, about, kind.topics, self._transport.steady(), along) if was_homed else None
             onwards = GoneOn(trajectory, 0.0 if left is None else left.begins)
             with at_rest_afterwards(client):
                 self._enable(client)
@@ -360,16 +353,19 @@ class RosRobot(ProjectRobot):
                 def ready(recorder: TopicRecorder) -> None:
                     self._comes(lambda: recorder.silent(required) or None)
                     recorder.require(required)  # before a file or the robot moves
-                    set_aside(project, folder.name, left)
-                    if left is not None:
+                    if left is None:
+                        set_aside(project, folder.name)
+                    else:
                         self._guide.say(f"{folder.name}: {left.gap(self._transport.steady())}")
 
                 told: dict[str, Any] = {"about": about, "after": left, "ready": ready}
                 with TopicRecorder(self._transport, folder, kind.topics, **told) as recorder:
-                    record_passes(client, recorder, onwards, joints=kind.joints, progress=progress)
-                    recorder.require(required)
-        for problem in recorder.problems():
-            self._guide.say(problem)
+                    try:
+                        record_motion(client, recorder, onwards, joints=kind.joints, progress=progress)
+                        recorder.require(required)
+                    finally:
+                        for problem in recorder.problems():
+                            self._guide.say(problem)
 
     def deploy(
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str

@@ -4,14 +4,16 @@ Unlike `Recorder`, which makes messages from a simulator's telemetry, this one k
 and bytes. Topics that come faster than they are wanted are thinned, by their own stamps: one that comes at the wanted
 rate is kept whole, also where a busy machine lets it in by bursts.
 
-A robot that is driven along a motion is recorded in passes: a recording that is cut off goes on from the last whole
-one. A pass begins where the robot says that it is, not where it was sent: on a busy machine or network its messages
-come late, now by a millisecond and in the next run by a third of a second. So the stretch that a pass leaves off with
-is the one that the next begins with, whatever the delays of the two.
+A recording of a robot that is driven along a motion goes on where it was cut off, killed too: nothing that is on disk
+is driven again. Where that is, the setpoints in it tell, not what was sent: on a busy machine or network messages come
+late, now by a millisecond and in the next run by a third of a second. So the stretch that a run leaves off with is the
+one that the next begins with, whatever the delays of the two. What ended a run, this program, the robot or the network,
+stands in the recording.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -25,7 +27,7 @@ from catenary.crtk.inbox import Subscription
 from catenary.crtk.message import Message
 from catenary.crtk.message_bytes import codec
 from catenary.crtk.transport import Transport
-from catenary.errors import FileFormatError, InputError, RecordingError
+from catenary.errors import CatenaryError, FileFormatError, InputError, NotReadyError, RecordingError, TransportError
 from catenary.plant import JointState
 from catenary.raven2.topics import RAVENSTATE, RAVENSTATE_100HZ
 from catenary.recording.bag_reader import JournalReader, is_journal
@@ -174,6 +176,17 @@ class TopicRecorder:
         """Return the topics of which nothing came, or not all was collected, and remarks on clock and stalls."""
         return [note for count in self.counts if (note := count.note()) is not None] + self.remarks
 
+    def note_end(self, error: BaseException, place: float) -> None:
+        """Note who ended the recording `place` [s] into its motion: this program, the robot or the network."""
+        who = "this program"
+        if isinstance(error, NotReadyError):
+            who = "the robot"
+        elif isinstance(error, TransportError):
+            is_there = any(self._transport.connections(kept.topic.name).publishers for kept in self._kept)
+            is_gone = self._transport.is_up() and not is_there
+            who = "a robot that is gone" if is_gone else "the network, or a robot that stands still,"
+        self._note(f"{who} ended it, {place:.1f} s into the motion: {str(error) or 'Ctrl-C'}")
+
     def close(self) -> None:
         """Finish the recording; a second time does nothing."""
         self._end_subscriptions()
@@ -261,8 +274,13 @@ def record_topics(
     return RecordedTopics(recorder.counts, took, ended_by)
 
 
-def left_off(folder: Path, about: About, topics: Sequence[Topic], now: int, *, in_passes: bool) -> LeftOff | None:
-    """Return where a recording of the same kind was cut off, at `now` [ns]; None where none can go on."""
+def left_off(
+    folder: Path, about: About, topics: Sequence[Topic], now: int, along: "Along | None" = None
+) -> LeftOff | None:
+    """Return where a recording of the same kind was cut off, at `now` [ns]; None where none can go on.
+
+    What it has of a motion is looked up `along` it.
+    """
     if not is_journal(folder):
         return None
     try:
@@ -273,29 +291,61 @@ def left_off(folder: Path, about: About, topics: Sequence[Topic], now: int, *, i
     ours = About.from_json(about.as_json().encode(), str(folder))
     if reader.about != ours or {t.name for t in reader.topics} != {t.name for t in topics}:
         return None
-    found = reader.left_off(in_passes=in_passes)
-    return found if found is not None and found.last < now else None
+    found = reader.left_off()
+    if found is None or found.last >= now:
+        return None
+    return found if along is None else found._replace(begins=along.reached(reader))
+
+
+class Along(NamedTuple):
+    """A motion, and how a recording tells how far along it the robot is."""
+
+    motion: Trajectory
+    topic: Topic  # that has the setpoint
+    setpoint: Callable[[Message], Floats]  # of its messages, (k,) [rad|m] of the motion's joints
+
+    def reached(self, reader: JournalReader) -> float:
+        """Return how much of the motion a recording has [s], by its setpoints since it went on the last time."""
+        run, decode = reader.last_run(), codec(self.topic.type).decode
+        looks, newest, last = list[tuple[int, bytes]](), None, 0
+        for name, arrival, data in chain.from_iterable(part.messages() for part in run):
+            last = arrival
+            if name == self.topic.name:
+                newest = arrival, data
+                if not looks or arrival - looks[-1][0] > _LOOK_NS:
+                    looks.append(newest)
+        place = _ReportedPlace(self.motion, _STEP_S, run[0].begins or 0.0)
+        if newest is None:
+            return place.time
+        before = looks[0][0]
+        for arrival, data in [*looks, newest]:
+            place.update(self.setpoint(decode(data)), place.time + (arrival - before) / SECOND + _SLACK_S)
+            before = arrival
+        # other topics have come since
+        behind = min((last - before) / SECOND, 1.0 / self.topic.rate) if place.is_moving else 0.0
+        return min(place.time + behind, self.motion.duration)
 
 
 COLLECT_EVERY = 20  # ticks between two looks at what has come
-PASS = 20.0  # [s] of a motion, which a recording that is cut off loses at most
+_STEP_S, _SLACK_S = 0.002, 1.0  # [s] of a motion between places that are compared, and a robot may catch up by at once
+_LOOK_NS = SECOND // 5  # [ns] between setpoints that are looked at
 
 
-def record_passes(
+def record_motion(
     client: CrtkClient, recorder: TopicRecorder, motion: GoneOn, *, joints: Sequence[str], progress: Progress
 ) -> None:
-    """Drive joints of a homed, enabled robot along what is left of a motion, and record."""
+    """Drive joints of a homed, enabled robot along what is left of a motion, and record; note what ends it early."""
     start, moved = motion(0.0).q, [client.joint_names.index(name) for name in joints]
     move_to(client, start, joints=joints)
     sent = np.array(client.setpoint_js().q)
     sent[moved] = start
     arrive(client, sent)
     place = _ReportedPlace(motion, client.period)
-    tick, begun, next_pass = 0, False, motion.begin + PASS
+    tick, begun, at = 0, False, motion.begin
     left = motion.duration / (motion.duration + motion.begin)
 
     def observe(_: JointState, reference: Reference, time: float) -> None:
-        nonlocal tick, begun, next_pass, sent
+        nonlocal tick, begun, at, sent
         tick, sent = tick + 1, reference.q
         if tick % COLLECT_EVERY and (begun or time < motion.lead):
             return
@@ -305,14 +355,17 @@ def record_passes(
             begun = at >= motion.begin and time > 0.0
             return
         recorder.collect()
-        if at >= next_pass:
-            recorder.journal.begin_pass(at)
-            next_pass = at + PASS
 
     def share(done: float) -> None:
         progress(1.0 - (1.0 - done) * left)
 
-    run_trajectory(client, motion, joints=joints, observe=observe, progress=share)
+    try:
+        run_trajectory(client, motion, joints=joints, observe=observe, progress=share)
+    except (KeyboardInterrupt, CatenaryError) as error:
+        if begun:
+            recorder.collect()
+        recorder.note_end(error, max(at, motion.begin))
+        raise
     arrive(client, sent)
     recorder.collect()
 
@@ -320,13 +373,15 @@ def record_passes(
 class _ReportedPlace:
     """How far along a motion a robot is by the setpoints that it reports: what was sent may still be on its way."""
 
-    def __init__(self, motion: Trajectory, step: float) -> None:
-        self._motion, self._step, self._time = motion, step, 0.0
+    def __init__(self, motion: Trajectory, step: float, time: float = 0.0) -> None:
+        self._motion, self._step, self.time = motion, step, time
+        self.is_moving = False  # since the last look
 
     def update(self, setpoint: Floats, sent: float) -> float:
         """Return the time [s] of the motion at which the setpoint (k,) is nearest, `sent` at most; it only grows."""
-        times = np.arange(self._time, sent + 0.5 * self._step, self._step)
+        times = np.arange(self.time, sent + 0.5 * self._step, self._step)
         if len(times):
             away = np.abs(self._motion.sample(times)[0] - setpoint).max(axis=1)
-            self._time = float(times[np.argmin(away)])
-        return self._time
+            found = float(times[np.argmin(away)])
+            self.is_moving, self.time = found > self.time, found
+        return self.time

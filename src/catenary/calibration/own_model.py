@@ -1,0 +1,195 @@
+"""Models of one's own: whatever has scikit-learn's fit, predict and get_params, or a function of features.
+
+An estimator sees standardised features and outputs, so that its settings mean the same for every joint and unit; one is
+fitted for each joint, or one for all where it takes several outputs. A function gets features as they are, (N, F), and
+returns outputs (N, m) [rad|m]. Both see rows whose features are finite, in any order, in a loop one at a time.
+
+A file holds an estimator in skops's format, or as its own `save(path)` writes it; of a function its name alone. Nothing
+of it is imported or executed unless the caller names its class.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from importlib import import_module
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from zipfile import BadZipFile, ZipFile
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from threadpoolctl import threadpool_limits
+
+from catenary.archives import MAX_UNPACKED_BYTES
+from catenary.arrays import Floats
+from catenary.calibration.model import CalibrationModel
+from catenary.calibration.model_kinds import OWN
+from catenary.calibration.predictors import OwnFunction
+from catenary.calibration.valid_range import standardisation
+from catenary.errors import CatenaryError, FileFormatError, InputError, imported
+
+_BY_SKOPS, _BY_ITSELF = b"skops:", b"own:"
+# what skops, and what it calls, raise on bytes that are no estimator
+_UNREADABLE = (OSError, ValueError, LookupError, TypeError, AttributeError, RuntimeError, ImportError, BadZipFile)
+Function = Callable[[Floats], ArrayLike]
+Named = str | type | Function  # a class or function, or "module:name" of it
+
+
+def chosen(model: Any) -> tuple[str, Any]:
+    """Return the kind of a model, and the estimator or function of one's own; text is a kind or "module:name"."""
+    if isinstance(model, str) and ":" not in model:
+        return model, None
+    found = named(model) if isinstance(model, str) else model
+    return OWN, found() if isinstance(found, type) else found
+
+
+def named(name: Named) -> Any:
+    """Return what "module:name" names; classes and functions as they are."""
+    if not isinstance(name, str):
+        return name
+    module, _, attribute = name.partition(":")
+    try:
+        return getattr(import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise InputError(
+            f'model "{name}": expected module:name of a class or function that Python can import: {error}; '
+            "PYTHONPATH=FOLDER finds modules of a folder"
+        ) from error
+
+
+def name_of(thing: Any) -> str:
+    """Return "module:name" of a function or class, or of an object's class."""
+    named = thing if hasattr(thing, "__qualname__") else type(thing)
+    return f"{named.__module__}:{named.__qualname__}"
+
+
+def fit_own(X: Floats, Y: Floats, *, estimator: Any, seed: int) -> OwnFunction:
+    """Fit clones of an estimator to give Y (N, m) from features X (N, F); a function is taken as it is.
+
+    Random states that are None become the seed.
+    """
+    (_, inputs), outputs = X.shape, Y.shape[1]
+    if not hasattr(estimator, "fit") and callable(estimator):
+        plain = np.zeros(inputs), np.ones(inputs), np.zeros(outputs), np.ones(outputs)
+        return OwnFunction(name_of(estimator), *plain, (estimator,))
+    (mean, scale), (out_mean, out_scale) = standardisation(X), standardisation(Y)
+    Z, wanted = (X - mean) / scale, (Y - out_mean) / out_scale
+    out_scale = np.where(np.ptp(wanted, axis=0) > 1e-9, out_scale, 0.0)  # a constant gets no ripple
+    targets = [wanted] if outputs > 1 and _takes_several_outputs(estimator) else wanted.T
+    with threadpool_limits(limits=1):
+        fitted = tuple(_fitted(estimator, seed, Z, np.ascontiguousarray(each)) for each in targets)
+    return OwnFunction(name_of(estimator), mean, scale, out_mean, out_scale, fitted)
+
+
+def _takes_several_outputs(estimator: Any) -> bool:
+    from sklearn.utils import get_tags
+
+    return hasattr(estimator, "__sklearn_tags__") and bool(get_tags(estimator).target_tags.multi_output)
+
+
+def _fitted(estimator: Any, seed: int, Z: Floats, y: Floats) -> Any:
+    from sklearn.base import clone
+
+    try:
+        new = clone(estimator)
+        unset = [name for name, value in new.get_params().items() if name.endswith("random_state") and value is None]
+    except (TypeError, RuntimeError, AttributeError) as error:
+        raise InputError(
+            f"model {name_of(estimator)}: expected scikit-learn's fit, predict and get_params, and that clone() works, "
+            f"or a function of features: {error}"
+        ) from error
+    if unset:
+        new.set_params(**dict.fromkeys(unset, seed))
+    new.fit(Z, y)
+    return new
+
+
+def packed(model: CalibrationModel) -> CalibrationModel:
+    """Return a model whose own estimators are bytes, as a file holds them."""
+    return _with_each(model, lambda own: replace(own, fitted=tuple(map(_packed, own.fitted))))
+
+
+def unpacked(model: CalibrationModel, own: Named | Sequence[Named] | None) -> CalibrationModel:
+    """Return a model whose estimators are objects again, if their class is named; also what else they are made of."""
+    if own is None:
+        return model
+    several = own.split(",") if isinstance(own, str) else own if isinstance(own, Sequence) else [own]
+    classes = [named(each) for each in several]
+
+    def read(predictor: OwnFunction) -> OwnFunction:
+        main = next((each for each in classes if name_of(each) == predictor.name), None)
+        if main is None:
+            raise InputError(f"model of {predictor.name}: is not loaded as {', '.join(map(name_of, classes))}")
+        return replace(predictor, fitted=tuple(_unpacked(each.tobytes(), main, classes) for each in predictor.fitted))
+
+    return _with_each(model, read)
+
+
+def _with_each(model: CalibrationModel, change: Callable[[OwnFunction], OwnFunction]) -> CalibrationModel:
+    groups = tuple(
+        replace(group, predictor=change(group.predictor)) if isinstance(group.predictor, OwnFunction) else group
+        for group in model.groups
+    )
+    return replace(model, groups=groups)
+
+
+def _packed(thing: Any) -> NDArray[np.uint8]:
+    if isinstance(thing, np.ndarray):
+        return thing
+    name, content = name_of(thing), b""
+    if hasattr(thing, "save") and hasattr(thing, "load"):
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "own"
+            thing.save(path)
+            content = _BY_ITSELF + path.read_bytes()
+    elif hasattr(thing, "fit"):
+        content = _BY_SKOPS + _skops().dumps(thing)
+    elif name != f"{getattr(thing, '__module__', '')}:{getattr(thing, '__qualname__', '')}" or "<" in name:
+        raise InputError(
+            f"model of {name}: expected a function that its module names, which is stored by its name, or an object "
+            "with save(path) and a class method load(path)"
+        )
+    return np.frombuffer(content, dtype=np.uint8)
+
+
+def _unpacked(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
+    """Return an estimator from its bytes; types of packages other than those of the classes named are refused."""
+    if not content:
+        return main
+    if content.startswith(_BY_ITSELF):
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "own"
+            path.write_bytes(content.removeprefix(_BY_ITSELF))
+            return main.load(path)
+    try:
+        return _by_skops(content.removeprefix(_BY_SKOPS), main, classes)
+    except CatenaryError:
+        raise
+    except _UNREADABLE as error:
+        raise FileFormatError(f"estimator of {name_of(main)}: cannot be read: {error}") from error
+
+
+def _by_skops(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
+    with ZipFile(BytesIO(content)) as archive:
+        if sum(member.file_size for member in archive.infolist()) > max(MAX_UNPACKED_BYTES, len(content)):
+            raise FileFormatError(f"estimator of {name_of(main)}: would unpack to more than {MAX_UNPACKED_BYTES} bytes")
+    packages = {each.__module__.partition(".")[0] for each in classes}
+    unknown = list(map(str, _skops().get_untrusted_types(data=content)))
+    if others := [each for each in unknown if not _is_class_of(packages, each)]:
+        raise InputError(f"model of {name_of(main)}: holds {', '.join(others)} too: name them beside it")
+    found = _skops().loads(content, trusted=unknown)
+    if type(found) is not main:
+        raise FileFormatError(f"estimator: expected {name_of(main)}, got {name_of(found)}")
+    return found
+
+
+def _is_class_of(packages: set[str], name: str) -> bool:
+    """Return whether a name is of a class that one of these packages, which the caller named, defines."""
+    module, _, attribute = name.rpartition(".")
+    found = getattr(import_module(module), attribute, None) if module.partition(".")[0] in packages else None
+    return isinstance(found, type) and found.__module__.partition(".")[0] in packages
+
+
+def _skops() -> Any:
+    return imported("skops.io", "files of estimators without `save` and `load` of their own need skops", "own")
