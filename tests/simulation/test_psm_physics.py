@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.inverse_dynamics import inverse_dynamics, mass_matrix
+from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.psm_controller import PsmState, PsmWork, load_psm, through, unstretched_motors
 from oracles import psm_arms
@@ -50,7 +50,7 @@ def test_links_have_the_dynamics_of_the_parallelogram(base, rng):
         psm_arms.take_psm_steps(
             ARM.links, ARM.coupling, DRIVE, state, np.zeros((1, 7)), gravity, motion, 1e-9, work, steps
         )
-        of_base = None if base is None else motion
+        of_base = None if base is None else BaseMotion(*motion)
         still = inverse_dynamics(MODEL, q, qd, np.zeros(7), gravity, of_base)
         M = mass_matrix(MODEL, q)[:3, :3] - np.diag((DRIVE.ratio**2 * DRIVE.rotor_inertia)[:3])
         assert_allclose(work.load[:3], still[:3], atol=1e-10)

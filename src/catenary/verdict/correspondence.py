@@ -88,7 +88,7 @@ def correspondence_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding
             culprit = "an axis that points the other way in one of the two"
             findings.append(Finding("sign", (name,), says, culprit, f"--sign {name}"))
         elif r < _MIN_CORRELATION and spread > _SAME_SPREAD_RATIO * of_command and of_command > _MIN_SPREAD_DEG_MM:
-            found = behind_slack(pairs, i, place[i], (_MIN_SLOPE, np.inf))
+            found = behind_slack(pairs, i, place[i], (_MIN_SLOPE, np.inf), shared=False)
             if found.slope > _MIN_SLOPE and found.unexplained < _MAX_UNEXPLAINED:
                 continue  # slack and other joints hide it in little motion
             says = (

@@ -88,8 +88,8 @@ class BehindSlack(NamedTuple):
     of_cables: float  # the same of the best slope that cables allow
 
 
-def behind_slack(pairs: Pairs, i: int, own: int, allowed: tuple[float, float]) -> BehindSlack:
-    """Explain measurement i by play of its command, of any radius, and by other commands and their plays.
+def behind_slack(pairs: Pairs, i: int, own: int, allowed: tuple[float, float], *, shared: bool = True) -> BehindSlack:
+    """Explain measurement i by play of its command, of any radius, other commands, and their plays if `shared`.
 
     Slopes `allowed` compete with all others: what these explain hardly better needs no wrong scale.
     """
@@ -101,7 +101,7 @@ def behind_slack(pairs: Pairs, i: int, own: int, allowed: tuple[float, float]) -
     size = max(float(y @ y), 1e-12)
     command, moved = np.ascontiguousarray(q[:, own]), [k for k in np.flatnonzero(pairs.moved) if k != own]
     columns = [q[:, k] for k in moved]
-    if len(rows) >= _ROWS_A_COLUMN * len(moved) * (1 + len(_OTHERS_SHARES)):  # friction that joints share
+    if shared and len(rows) >= _ROWS_A_COLUMN * len(moved) * (1 + len(_OTHERS_SHARES)):  # friction that joints share
         columns += [
             play(np.ascontiguousarray(x), share * float(np.ptp(x))) for x in columns for share in _OTHERS_SHARES
         ]
