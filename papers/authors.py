@@ -6,10 +6,12 @@ tell, is left out. Results lie beside the simulated ones, in a folder named by t
 
 import hashlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from catenary.errors import InputError
 from papers.calibration import authors, figure_5, homings, six_hours, table_1
 from papers.calibration.figure_7 import sections
 from papers.calibration.figure_8 import all_inputs
@@ -49,27 +51,25 @@ def _there(asked: Experiment, scope: Scope, robot: str) -> Iterator[Case]:
         function, told = case.load(), case.arguments
         if function is sections:  # figure 7, of the nominal robot alone
             told["seed"] = robot
-        fitting = _FITTING.get(function)
-        if told.get("seed") == robot and fitting is not None and (kept := fitting(told)) is not None:
-            yield function.case(**kept)
+        if told.get("seed") != robot or function not in _FITTING:
+            continue
+        with suppress(InputError):  # of what it asks the folder holds no session
+            if _FITTING[function](told):
+                yield function.case(**told)
 
 
-def _of_hours(told: Arguments) -> Arguments | None:
-    session = authors.hours(told["seed"], told.get("condition", "unloaded"))
-    if session is None:
-        return None
-    recorded = set(session.of())
+# each narrows a case's arguments to what the folder holds, and says whether that is something
+def _of_hours(told: Arguments) -> bool:
+    recorded = set(authors.hours(told["seed"], told.get("condition", "unloaded")).of())
     for name in ("sets", "ours"):
         if name in told:
             told[name] = [one for one in told[name] if set(six_hours.denominators(one)) <= recorded]
     asked = told["sets"] if "sets" in told else [told["training_set"]]
-    return told if asked and all(set(six_hours.denominators(one)) <= recorded for one in asked) else None
+    return bool(asked) and all(set(six_hours.denominators(one)) <= recorded for one in asked)
 
 
-def _of_homings(told: Arguments) -> Arguments | None:
+def _of_homings(told: Arguments) -> bool:
     session = authors.homed(told["seed"], told["seen"])
-    if session is None:
-        return None
     first, second = (set(session.of(homings=k)) for k in (0, told["seen"]))
     told["combinations"] = [
         parts
@@ -77,21 +77,20 @@ def _of_homings(told: Arguments) -> Arguments | None:
         if all({round(1 / s) for s in part} <= have for part, have in zip(parts, (first, second), strict=True))
     ]
     told["homings"] = len(session.homings) - 1
-    return told if told["combinations"] else None
+    return bool(told["combinations"])
 
 
-def _of_direction(told: Arguments) -> Arguments | None:
-    return told if any(True for _ in authors.tested(told["seed"], told["direction"])) else None
+def _of_direction(told: Arguments) -> bool:
+    return bool(authors.tested(told["seed"], told["direction"]))
 
 
-def _of_sparsities(told: Arguments) -> Arguments | None:
-    session = next(authors.tested(told["seed"], "J2-J3"), None)
-    there = session is not None and {int(part[2:]) for part in figure_5.parts(told["name"])} <= set(session[0].of())
-    return told if there else None
+def _of_sparsities(told: Arguments) -> bool:
+    session, _ = authors.tested(told["seed"], "J2-J3")
+    return {int(part[2:]) for part in figure_5.parts(told["name"])} <= set(session.of())
 
 
 # what a case asks of the folder, by its function
-_FITTING: dict[Run, Callable[[Arguments], Arguments | None]] = {
+_FITTING: dict[Run, Callable[[Arguments], bool]] = {
     **dict.fromkeys((six_hours.six_hours, more_epochs, all_inputs, sections), _of_hours),
     homings.homing_errors: _of_homings, table_1.direction_errors: _of_direction,
     figure_5.sparsity_errors: _of_sparsities,

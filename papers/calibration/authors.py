@@ -11,6 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from catenary.recording.import_formats.known_layouts import read_raven
 from catenary.trajectories.zigzag import Direction
 from papers.calibration.recordings import at_rows
 
+_Found = TypeVar("_Found")
 _SPARSITIES = {"05": 2, "03": 3, "025": 4, "02": 5, "016": 6}  # in names, and their denominators
 _AXES = {"x": "J1", "y": "J2", "z": "J3"}
 _NAME = re.compile(
@@ -84,19 +86,26 @@ def read(path: Path, columns: Sequence[str] = (), rate: float | None = None) -> 
     return at_rows(log, np.arange(0, len(log), every))
 
 
-def hours(root: str, condition: str) -> Folder | None:
-    """Return the session of six hours under a condition."""
-    return next((one for one in folders(root) if one.hours and one.condition == condition), None)
+def hours(root: str, condition: str) -> Folder:
+    """Return the session of six hours under a condition; refused where there is none, as are those below."""
+    found = (one for one in folders(root) if one.hours and one.condition == condition)
+    return _first(found, f"{root}: no session of six hours, {condition}")
 
 
-def homed(root: str, seen: int) -> Folder | None:
+def homed(root: str, seen: int) -> Folder:
     """Return the session of tests after homings, of which training saw `seen`."""
-    return next((one for one in folders(root) if one.homings and bool(one.of(homings=1)) == bool(seen)), None)
+    found = (one for one in folders(root) if one.homings and bool(one.of(homings=1)) == bool(seen))
+    return _first(found, f"{root}: no session with {seen} homing(s) in training")
 
 
-def tested(root: str, direction: Direction) -> Iterator[tuple[Folder, Path]]:
-    """Yield sessions with zig-zags of a direction, each with a random motion right after."""
-    for one in folders(root):
-        tests = [*one.random.values(), *(one.hours[k] for k in (0,) if k in one.hours)]
-        if one.of(direction) and tests:
-            yield one, tests[0]
+def tested(root: str, direction: Direction) -> tuple[Folder, Path]:
+    """Return a session with zig-zags of a direction, and the random motion right after."""
+    right_after = ((one, [*one.random.values(), one.hours.get(0)][0]) for one in folders(root) if one.of(direction))
+    found = ((one, test) for one, test in right_after if test is not None)
+    return _first(found, f"{root}: no zig-zags of {direction} with a random motion")
+
+
+def _first(found: Iterator[_Found], missing: str) -> _Found:
+    for one in found:
+        return one
+    raise InputError(missing)

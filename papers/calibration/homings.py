@@ -28,7 +28,6 @@ from catenary.arrays import Floats
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
-from catenary.errors import InputError
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.calibration import authors, published, recordings
 from papers.calibration.judging import CLEARLY, CONSIDERABLE, less, statement
@@ -145,8 +144,6 @@ def _recorded(
     """Return both parts of the training, by sparsity, and the tests of each chain."""
     if isinstance(seed, str):
         found = authors.homed(seed, seen)
-        if found is None:
-            raise InputError(f"{seed}: no session with {seen} homing(s) in training")
         parts = [{1 / n: authors.read(paths[0]) for n, paths in found.of(homings=k).items()} for k in (0, seen)]
         return parts, {ONE if seen else NONE: [authors.read(path) for _, path in sorted(found.homings.items())]}
     plant = recordings.homed(seed)

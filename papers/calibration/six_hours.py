@@ -28,7 +28,6 @@ from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel, Target
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
 from papers.calibration import authors, recordings
 from papers.calibration.inputs import ALL_138, SIXTEEN, STAMP, STAMPED_138
@@ -115,8 +114,6 @@ def recorded(
 
 def _of_authors(root: str, condition: Condition, columns: Sequence[str], test_rate: float) -> Session:
     found = authors.hours(root, condition)
-    if found is None:
-        raise InputError(f"{root}: no session of six hours, {condition}")
     train = {n: _stamped(authors.read(paths[0], columns)) for n, paths in found.of().items()}
     test = {hour: _stamped(authors.read(path, columns, test_rate)) for hour, path in sorted(found.hours.items())}
     return Session(train, test)

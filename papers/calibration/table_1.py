@@ -57,7 +57,7 @@ def _recorded(
 ) -> tuple[list[MotionLog], MotionLog]:
     """Return zig-zags of a direction and the motion that tests it."""
     if isinstance(seed, str):
-        found, test = next(authors.tested(seed, direction))
+        found, test = authors.tested(seed, direction)
         return [
             authors.read(paths[0]) for n, paths in found.of(direction).items() if 1 / n in sparsities
         ], authors.read(test)

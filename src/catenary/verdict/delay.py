@@ -156,11 +156,11 @@ def delay_of(
     total = costs[:, :, 0].sum(axis=0)
     best = int(np.argmin(total))
     turns = [reversals_of(q[inside, places[i]]) for i in joints]
-    worth = min(LOOKS, float(np.mean(turns))) + 1e-9
+    worth, *own_worth = (min(LOOKS, each) + 1e-9 for each in (float(np.mean(turns)), *turns))
     low, high = _interval(grid, total, CERTAIN_SIGMAS**2 / worth)
     alone = []
-    for i, cost, each in zip(joints, costs[:, :, 0], turns, strict=True):
-        first, last = _interval(grid, cost, CERTAIN_SIGMAS**2 / (min(LOOKS, float(each)) + 1e-9))
+    for i, cost, each in zip(joints, costs[:, :, 0], own_worth, strict=True):
+        first, last = _interval(grid, cost, CERTAIN_SIGMAS**2 / each)
         # the delay of all is every joint's, too, until joints are told apart
         alone.append((log.joint_names[i], min(first, low), max(last, high)))
     near_low, near_high = _interval(grid, total, _LIKELY_SIGMAS**2 / worth)

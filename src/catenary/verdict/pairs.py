@@ -108,23 +108,18 @@ def behind_slack(pairs: Pairs, i: int, own: int, allowed: tuple[float, float], *
     others = np.array(columns).reshape(len(columns), len(q)).T[rows]
     onto = np.linalg.qr(others - others.mean(axis=0))[0]
     y = y - onto @ (onto.T @ y)
-    best, of_cables = BehindSlack(0.0, float(y @ y) / size, np.inf), np.inf
+    best, best_left, of_cables = 0.0, float(y @ y) / size, np.inf
     for share in _SLACK_SHARES:
         x = play(command, share * float(np.ptp(command)))[rows]
         x = x - x.mean()
         x = x - onto @ (onto.T @ x)
         slope = float(x @ y) / max(float(x @ x), 1e-12)
-        of_slope = {each: float(np.square(y - each * x).sum()) / size for each in (slope, *_nearest(slope, allowed))}
-        of_cables = min(of_cables, list(of_slope.values())[-1])
-        if of_slope[slope] < best.unexplained:
-            best = BehindSlack(slope, of_slope[slope], np.inf)
-    return best._replace(of_cables=of_cables)
-
-
-def _nearest(slope: float, allowed: tuple[float, float]) -> tuple[float, ...]:
-    """Return the slope nearest to one, of either sign, that is allowed; none where it is itself."""
-    size = min(max(abs(slope), allowed[0]), allowed[1])
-    return () if size == abs(slope) else (float(np.copysign(size, slope)),)
+        near = float(np.copysign(np.clip(abs(slope), *allowed), slope))  # the nearest that is allowed
+        left, left_near = (float(np.square(y - each * x).sum()) / size for each in (slope, near))
+        of_cables = min(of_cables, left_near)
+        if left < best_left:
+            best, best_left = slope, left
+    return BehindSlack(best, best_left, of_cables)
 
 
 def pairs_of(log: MotionLog) -> Pairs | None:

@@ -59,9 +59,11 @@ def slope_findings(pairs: Pairs, place: Integers) -> Iterator[Finding]:
             wrong.setdefault(said, []).append(int(i))
             continue
         least = _MIN_TIGHT_SLOPE if abs(r) > _TIGHT_CORRELATION else _MIN_SLOPE
-        rows, ratio = pairs.likely[:, i], slope if r > 0.0 else -slope
-        before, after = (pairs.m[rows, i] / k - pairs.q[rows, place[i]] for k in (np.sign(ratio), ratio))
-        if least < si < _MAX_SLOPE or np.std(after) >= np.std(before):  # a mend that leaves larger errors is none
+        if least < si < _MAX_SLOPE:
+            continue
+        rows, sign = pairs.likely[:, i], np.sign(r)
+        before, after = (pairs.m[rows, i] / k - pairs.q[rows, place[i]] for k in (sign, sign * slope))
+        if np.std(after) >= np.std(before):  # a mend that leaves larger errors is none
             continue
         moves = f"the measurement moves {si:.3g} times as far as the command (expected {least:g} to {_MAX_SLOPE:g})"
         to_si = scales(pairs.log)[i] / scales(pairs.log)[place[i]]
