@@ -5,7 +5,8 @@ import io
 import json
 import subprocess
 import sys
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple, TextIO
 from unittest.mock import patch
 
 from catenary.cli.main import main
@@ -28,7 +29,12 @@ class Outcome(NamedTuple):
 
 def catenary(*arguments: object) -> Outcome:
     """Run the command; an exception other than its exit would be a traceback to a user, and fails the test."""
-    out, err, code = io.StringIO(), io.StringIO(), 0
+    out, err = io.StringIO(), io.StringIO()
+    return Outcome(exit_code(arguments, out, err), out.getvalue(), err.getvalue())
+
+
+def exit_code(arguments: Iterable[object], out: TextIO, err: TextIO) -> int:
+    """Run the command with these streams in place of the process's own, and nobody at the keyboard."""
     with (
         patch.object(sys, "argv", ["catenary", *map(str, arguments)]),
         patch.object(sys, "stdin", io.StringIO()),
@@ -38,8 +44,8 @@ def catenary(*arguments: object) -> Outcome:
         try:
             main()
         except SystemExit as end:
-            code = int(end.code or 0)
-    return Outcome(code, out.getvalue(), err.getvalue())
+            return int(end.code or 0)
+    return 0
 
 
 def in_its_own_process(*arguments: str) -> Outcome:

@@ -196,9 +196,9 @@ def run(folder: Path) -> dict[str, Any]:
     """Run each command in a folder; return code, output and errors by its name."""
     import dataclasses
 
-    from catenary.cli.main import main
     from catenary.workflows.project import calibrate
     from catenary.workflows.project import folder as projects
+    from command_line import exit_code
     from simulated_project import QUICK_MODELS, SHORT
 
     class Terminal(io.TextIOWrapper):  # of Western Europe, as Windows has it
@@ -218,19 +218,12 @@ def run(folder: Path) -> dict[str, Any]:
         patch.object(projects, "Project", short),
     ):
         for name, line in (COMMANDS | REFUSED).items():
-            out, err, code = Terminal(), Terminal(), 0
-            with (
-                patch.object(sys, "argv", ["catenary", *line.split()]),
-                contextlib.redirect_stdout(out),
-                contextlib.redirect_stderr(err),
-            ):
-                try:
-                    main()
-                except SystemExit as end:
-                    code = int(end.code or 0)
-                except BaseException:
-                    code = 99
-                    traceback.print_exc(file=err)
+            out, err = Terminal(), Terminal()
+            try:
+                code = exit_code(line.split(), out, err)
+            except BaseException:
+                code = 99
+                traceback.print_exc(file=err)
             for stream in (out, err):
                 stream.flush()
             told = [stream.buffer.getvalue().decode("cp1252") for stream in (out, err)]  # type: ignore[attr-defined]
