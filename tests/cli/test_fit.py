@@ -1,5 +1,6 @@
 import io
 import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -54,6 +55,18 @@ def test_evaluate_as_json_has_the_documented_keys(model: Path, run: Path) -> Non
     write_parquet(replace(read_log(run).part(150, 300), name="part", sha256=None), part)
     for name, path in (("run", run), ("part", part)):
         assert f"{name}: the model was fitted to rows of this recording" in catenary("evaluate", model, path).err
+
+
+def test_tables_are_printed_for_latex_and_nothing_else(model: Path, run: Path, tmp_path: Path) -> None:
+    printed = catenary("evaluate", model, run, "--latex", "--report", tmp_path / "page.html").out
+    tables = printed.strip().split("\n\n")
+    assert len(tables) == 3  # errors, coverage, windows
+    for table in tables:
+        assert table.startswith(r"\begin{tabular}")
+        assert table.endswith("\\bottomrule\n\\end{tabular}")
+    fitted = catenary("fit", run, "--model", "offset", "--out", tmp_path / "m.npz", "--latex").out
+    assert "\n\n".join(re.findall(r"(?s)\\begin{tabular}.*?\\end{tabular}", fitted)) == fitted.strip()
+    assert "--latex: does not go with --json" in catenary("evaluate", model, run, "--latex", "--json").err
 
 
 def test_evaluate_tells_whether_intervals_hold(tmp_path: Path, model: Path) -> None:

@@ -10,7 +10,19 @@ import typer
 import catenary
 from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS
 from catenary.cli.exit_codes import FAULT_FOUND
-from catenary.cli.options import REPORT, REQUIRED, Names, Numbers, argument, group, numbers, option, values_of, words
+from catenary.cli.options import (
+    REPORT,
+    REQUIRED,
+    Names,
+    Numbers,
+    argument,
+    group,
+    numbers,
+    option,
+    prints_tables,
+    values_of,
+    words,
+)
 from catenary.cli.out_files import MODEL, NAMED_AS_TYPED, PARAMETERS
 from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelRecordingOptions, RecordingOptions
 from catenary.cli.terminal import print_page, print_result, progress_bar
@@ -97,6 +109,7 @@ class ModelOptions:
         )
 
 
+@prints_tables
 def fit(
     fitting: ModelOptions,
     recordings: RecordingOptions,
@@ -148,6 +161,7 @@ class HeldModel(ModelRecordingOptions):
         )
 
 
+@prints_tables
 def evaluate(
     held: HeldModel,
     window: float | None = option("S", "Length of a time window in s. [default: a tenth of the data]"),
@@ -181,6 +195,7 @@ def evaluate(
         print_page(held.report)
 
 
+@prints_tables
 def refresh(
     held: HeldModel, out: Path = option("MODEL", f"Refreshed model to write. {NAMED_AS_TYPED}", REQUIRED, writes=MODEL)
 ) -> None:
@@ -209,6 +224,7 @@ def refresh(
         print_page(held.report)
 
 
+@prints_tables
 def drift(
     held: HeldModel,
     factor: float = option("K", "For a model without intervals: multiple of its card's error that is drift.", 2.0),

@@ -22,6 +22,7 @@ from catenary.cli.options import (
     group,
     numbers,
     option,
+    prints_tables,
     require_one,
     values_of,
 )
@@ -74,6 +75,7 @@ class IdentificationOptions:
         )  # fmt: skip
 
 
+@prints_tables
 def identify(
     identification: IdentificationOptions,
     recordings: RecordingOptions,
@@ -127,6 +129,7 @@ def identify(
         print_page(report)
 
 
+@prints_tables
 def identify_cable(
     recordings: RecordingOptions,
     data: Path = argument(
@@ -172,6 +175,7 @@ class WristSensor:
     gravity: Triple | None = replace(GRAVITY, goes_with="wrist_sensor")
 
 
+@prints_tables
 def payload(
     wrist: WristSensor,
     recordings: ModelRecordingOptions,

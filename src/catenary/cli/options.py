@@ -25,7 +25,7 @@ from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_o
 import typer
 
 from catenary.cli.out_files import PAGE, FileKind, out_path, refuse_outputs
-from catenary.cli.terminal import in_json, without_notes
+from catenary.cli.terminal import in_json, in_latex, without_notes
 from catenary.crtk.network import BY_ROS2, said_ros_arguments, say_ros_arguments
 from catenary.errors import InputError
 
@@ -137,8 +137,8 @@ def group(cls: type[Group]) -> type[Group]:
 def as_typed(command: Callable[..., None]) -> Callable[..., None]:
     """Return a command as typer takes it: with the options of its groups in place of the groups.
 
-    Help lists a command's own options, then those of its groups, then --json, of what is on ROS --transport and
-    --ros-distro, then --no-notes. Before the command runs, options that would have no effect are refused.
+    Help lists a command's own options, then those of its groups, then --json and --latex, of what is on ROS --transport
+    and --ros-distro, then --no-notes. Before the command runs, options that would have no effect are refused.
     """
     own = signature(command).parameters.values()
     groups: dict[str, Any] = {p.name: p.annotation for p in own if is_dataclass(p.annotation)}
@@ -146,6 +146,8 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
     asked += [each.metadata["option"] for kind in groups.values() for each in fields(kind)]
     as_json = option(None, getattr(command, "json_help", "Print JSON."), False, flag="--json")
     asked.append(as_json.declared("as_json", bool))
+    if getattr(command, "prints_tables", False):
+        asked.append(_LATEX.declared("as_latex", bool))
     if any(one.joins_ros for one in asked):
         asked += [_TRANSPORT.declared("transport", str), _ROS_DISTRO.declared("ros_distro", str)]
 
@@ -160,7 +162,7 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
             say_ros_arguments(replace(said_ros_arguments(), **chosen))
         for name, kind in groups.items():
             values[name] = kind(**{each.name: values.pop(each.name) for each in fields(kind)})
-        with without_notes(no_notes), in_json(values["as_json"]):
+        with without_notes(no_notes), in_json(values["as_json"]), in_latex(values.get("as_latex", False)):
             command(**{p.name: values[p.name] for p in own})
 
     parameters = [one.parameter() for one in (*asked, _NO_NOTES.declared("no_notes", bool))]
@@ -178,6 +180,12 @@ def json_help(help: str) -> Callable[[Command], Command]:
         return command
 
     return told
+
+
+def prints_tables(command: Command) -> Command:
+    """Give a command --latex."""
+    command.prints_tables = True  # type: ignore[attr-defined]
+    return command
 
 
 def _refuse_wrong(asked: Sequence[Option], values: Mapping[str, Any]) -> None:
@@ -266,6 +274,7 @@ def _reader(kind: Any) -> Read | None:
     return lambda text: numbers(text, count)
 
 
+_LATEX = option(None, "Print tables for LaTeX with booktabs, nothing else.", False, flag="--latex", not_with="as_json")
 _ON_ROS = ("ros", "project")  # whose settings may say where its robot is
 _TRANSPORT = option(
     "|".join(BY_ROS2), f"{'; '.join(map(str, BY_ROS2.values()))}. [default: the first that is there]", goes_with=_ON_ROS

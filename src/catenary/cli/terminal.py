@@ -12,10 +12,12 @@ from textwrap import fill
 from typing import Any, TextIO
 
 from catenary.files import json_text
+from catenary.tables import Table
 from catenary.visible import visible
 
 _SILENT: ContextVar[bool] = ContextVar("silent", default=False)
 _IN_JSON: ContextVar[bool] = ContextVar("in_json", default=False)
+_IN_LATEX: ContextVar[bool] = ContextVar("in_latex", default=False)
 
 
 class NotesOfLogs(logging.Handler):
@@ -47,6 +49,11 @@ def in_json(asked: bool) -> AbstractContextManager[None]:
     return _set_for_a_while(_IN_JSON, asked)
 
 
+def in_latex(asked: bool) -> AbstractContextManager[None]:
+    """Print tables of results for LaTeX, and nothing else of them, while a command runs."""
+    return _set_for_a_while(_IN_LATEX, asked)
+
+
 def prints_json() -> bool:
     """Return whether the command that runs was asked for JSON."""
     return _IN_JSON.get()
@@ -67,7 +74,7 @@ def print_json_line(content: Any) -> None:
 
 
 def print_result(content: Any, *parts: Any, notes: Sequence[str] = ()) -> None:
-    """Print a command's result: with --json its content and nothing else, or notes and parts for people.
+    """Print a command's result: with --json its content, with --latex its tables, or notes and parts for people.
 
     Parts are lines, tables and lists of facts (name, text), which are aligned; None is left out.
     """
@@ -75,6 +82,9 @@ def print_result(content: Any, *parts: Any, notes: Sequence[str] = ()) -> None:
         print(json_text(content))
         return
     print_notes(notes)
+    if _IN_LATEX.get():
+        print("\n\n".join(part.latex() for part in parts if isinstance(part, Table)))
+        return
     width = max((len(name) for part in parts if isinstance(part, list) for name, _ in part), default=0)
     for part in parts:
         if isinstance(part, list):
@@ -85,8 +95,8 @@ def print_result(content: Any, *parts: Any, notes: Sequence[str] = ()) -> None:
 
 
 def print_page(page: Path) -> None:
-    """Say where a page was written; with JSON nothing is said."""
-    if not prints_json():
+    """Say where a page was written; with --json and --latex nothing is said."""
+    if not prints_json() and not _IN_LATEX.get():
         print(f"page:  {page}")
 
 
