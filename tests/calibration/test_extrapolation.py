@@ -71,7 +71,8 @@ def test_intervals_of_a_drawn_arm_hold_and_are_no_wider_than_the_best_constant_b
     found = evaluate(model, calibration_data([arm.tests()["random"].log], model.features))
     best = np.quantile(np.abs(found.after_model), 0.9, axis=0)
     # of 90 %; one stretch holds more or less
-    assert all(0.8 <= joint.coverage <= 0.97 for joint in found.joints)
+    assert all(0.8 <= joint.coverage <= 0.98 for joint in found.joints)
+    assert 0.85 <= np.mean([joint.coverage for joint in found.joints]) <= 0.95
     assert np.median(found.interval.mean(axis=0) / best) < 1.35
 
 

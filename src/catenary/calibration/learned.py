@@ -4,7 +4,8 @@ Terms are in groups (`GROUPS`), as those of the joint itself and those of others
 group, from hardly any to one that drops it. A mean or a linear function is a corner of it. Penalties are chosen by the
 errors on blocks of time that are left out in turn: from sums of products over each block these need no further look at
 the rows. The mean of the errors' logarithms counts, so that no one block decides. A walk along the ladder takes a
-larger penalty where it costs next to nothing, and a smaller one where it gains.
+larger penalty where it costs no more than chance does, and a smaller one where it gains more: by a standard error of
+the mean over blocks [Breiman et al., Classification and Regression Trees, 1984, section 3.4.3].
 
 Rows far from any fit, as failed measurements are, weigh less the farther they are, and none is dropped
 [Huber, Robust Estimation of a Location Parameter, 1964].
@@ -36,7 +37,7 @@ _LADDER = (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, DROPPED)
 _START = (1.0, 1.0, 10.0, 100.0, 100.0, 100.0, DROPPED, 100.0, 10.0)
 _WALK = (7, 5, 4, 2, 8, 6, 3, 1, 0)  # groups in the order in which penalties are tried
 _SWEEPS = 2
-_LARGER_UP_TO, _SMALLER_BELOW = 1.02, 0.98  # times the least mean square: more ridge may cost this, less must gain it
+_MIN_LOG_GAIN = 0.02  # in the logarithm of the mean square, that more ridge may cost and less must gain
 BLOCKS = 6
 _FAR_DEVIATIONS = 8.0  # robust deviations of a joint's errors, beyond which a row weighs less
 _REWEIGHTINGS, _COLUMNS = 3, 64
@@ -184,12 +185,12 @@ def _solved(sums: Floats, penalty: Floats, output: int) -> Floats:
     return weights
 
 
-def _score(sums: Floats, penalty: Floats, output: int) -> float:
-    """Return the mean square of an output's errors on blocks that are left out in turn, their geometric mean."""
+def _log_squares(sums: Floats, penalty: Floats, output: int) -> Floats:
+    """Return the logarithm of the mean square of an output's errors on each block (K,), left out in turn."""
     size = len(penalty) + 1
     kept = np.append(np.flatnonzero(penalty < DROPPED), [size - 1, size + output])
     errors = squares_left_out(sums[:, kept[:, None], kept], penalty[kept[:-2]])
-    return float(np.exp(np.mean(np.log(np.maximum(errors, 1e-12)))))
+    return np.log(np.maximum(errors[:, 0], 1e-12))
 
 
 def squares_left_out(sums: Floats, penalty: Floats) -> Floats:
@@ -213,9 +214,9 @@ def _chosen(sums: Floats, group: Integers, output: int) -> Floats:
     taken = np.array(_START)
     if len(sums) < 2:
         return taken
-    best = _score(sums, _by_term(taken, group), output)
+    squares = _log_squares(sums, _by_term(taken, group), output)
     for _ in range(_SWEEPS):
-        before = best
+        before = squares.mean()
         for g in _WALK:
             for step in (1, -1):
                 while (group == g).any():
@@ -224,10 +225,12 @@ def _chosen(sums: Floats, group: Integers, output: int) -> Floats:
                         break
                     trial = taken.copy()
                     trial[g] = _LADDER[place]
-                    score = _score(sums, _by_term(trial, group), output)
-                    if score > (_LARGER_UP_TO if step > 0 else _SMALLER_BELOW) * best:
+                    tried = _log_squares(sums, _by_term(trial, group), output)
+                    change = tried - squares
+                    chance = change.std(ddof=1) / np.sqrt(len(change))
+                    if change.mean() > step * max(_MIN_LOG_GAIN, chance):
                         break
-                    taken, best = trial, score
-        if best > 0.99 * before:
+                    taken, squares = trial, tried
+        if squares.mean() > before - 0.01:
             break
     return taken

@@ -72,7 +72,7 @@ class ModelKind:
         return import_module(f"catenary.calibration.{self.fitted_by.partition(':')[0]}")
 
 
-_PLAY_SHARES = tuple(0.0006 * 1.5**k for k in range(17))
+_PLAY_SHARES = tuple(0.0006 * 1.5**k for k in range(15))
 _KINDS = (
     ModelKind("offset", "the mean error", "predictors:fit_offset", of_error=True),
     ModelKind("linear", "a linear function", "predictors:fit_linear", ("ridge",)),
