@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.image
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,6 +20,7 @@ from catenary.reports.calibration import JointGain, headline, recommendation, wr
 from catenary.reports.joint_errors import error_blocks, window_table
 from catenary.reports.page import Picture
 from catenary.workflows.calibration_model import fit_calibration
+from view.browser import looked_at_empty
 
 NAME = "<b>J1</b> & co"
 Result = tuple[FitResult, Evaluation]
@@ -70,6 +72,25 @@ def test_the_page_needs_nothing_else_and_has_a_picture_of_every_joint(page: str)
     assert sorted(kinds) == ["data:image/png;base64"] * 3
     pictures = [source.partition(",")[2] for source in sources if source.startswith("data:image/png")]
     assert all(drawn(picture) for picture in pictures)
+
+
+def test_joints_stand_in_order_with_their_worst_moment(result: Result, page: str) -> None:
+    _, evaluation = result
+    captions = re.findall(r"<figcaption>(.*?): RMSE .*?, at worst (\S+) \S+ at (\d+) s \(circle\)", page)
+    assert [name for name, _, _ in captions] == ["&lt;b&gt;J1&lt;/b&gt; &amp; co", "J2", "J3"]
+    for j, (_, worst, at) in enumerate(captions):
+        errors = evaluation.after_model[:, j] * (1e3 if evaluation.joints[j].unit == "mm" else 180.0 / np.pi)
+        assert abs(float(worst)) == pytest.approx(np.abs(errors).max(), abs=1e-3)
+        near = np.abs(evaluation.data.time - float(at)) <= 1.0
+        assert np.abs(errors[near]).max() == pytest.approx(np.abs(errors).max())
+
+
+def test_the_page_is_printed_on_two_sheets(result: Result, tmp_path: Path) -> None:
+    page_of(*result, tmp_path / "page.html")
+    with looked_at_empty() as looked:
+        looked.page.goto(f"file://{tmp_path / 'page.html'}")
+        printed = looked.page.pdf(format="A4", prefer_css_page_size=True)
+    assert len(re.findall(rb"/Type\s*/Page\b(?!s)", printed)) == 2
 
 
 def test_table_notes_and_card_stand_on_the_page_with_names_escaped(page: str) -> None:

@@ -97,7 +97,7 @@ def _renew(found: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> dict[str, 
     if features.pop("midlines", None) or skipping:
         raise InputError("it takes midlines of torques, or a line beside a network, which are gone: fit again")
     for k, group in enumerate(found["groups"]):
-        old = {key: arrays.get(value, value) for key, value in group["predictor"].items()}
+        old = {key: arrays.get(v, v) if isinstance(v, str) else v for key, v in group["predictor"].items()}
         match old.pop("kind"):
             case "constant":
                 new = linear(np.zeros((len(arrays[group["columns"]]), len(old["value"]))), old["value"])

@@ -149,12 +149,7 @@ def write_calibration_report(
     robot = robot or kinematics_of(card.get("robot") or evaluation.data.robot, model)
     tip = None if robot is None else tip_errors(robot, model, evaluation)
     simulated = bool(card["simulated"]) or any(s.simulated for s in evaluation.data.sources)
-    pictures: list[list[Block]] = [
-        [Heading(f"Joint {joint}"), joint_errors.joint_picture(evaluation, model, j, name=name)]
-        for j, joint in enumerate(model.joint_names)
-    ]
-    gains = [joint.raw_rmse / joint.rmse if joint.rmse > 0.0 else 1.0 for joint in evaluation.joints]
-    first = pictures.pop(gains.index(max(gains)))  # what the correction does, before any table
+    joints = range(len(model.joint_names))
     missing = "Not known: no robot whose kinematics give the tip from these joints was named (--robot)."
     of_tip: list[Block] = [Heading("Error of the tip"), Text(missing)]
     if tip is not None:
@@ -162,13 +157,13 @@ def write_calibration_report(
     noted: list[Block] = [Heading("Notes on the data"), Remarks(notes)] if notes else []
     crossed: list[Block] = [Heading("Cross-validation"), spread_table(spread, name)] if spread else []
     blocks: list[Block] = [
-        *first,
-        *opening,
+        Heading("Every joint"),
+        *(joint_errors.joint_picture(evaluation, model, j, name=name) for j in joints),
         *joint_errors.error_blocks(evaluation, name),
-        *noted,
         *of_tip,
         *joint_errors.coverage_blocks(evaluation),
-        *(block for picture in pictures for block in picture),
+        *opening,
+        *noted,
         Heading(f"RMSE of {name} over time"),
         joint_errors.window_table(evaluation),
         *crossed,

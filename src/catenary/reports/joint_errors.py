@@ -116,8 +116,12 @@ def joint_picture(evaluation: Evaluation, model: CalibrationModel, j: int, *, na
     draw_legend(figure, loc="outside upper right", ncols=4, frameon=False, fontsize=9)
     joint = evaluation.joints[j]
     errors = f"RMSE {joint.raw_rmse:.3f} {unit} raw, {joint.offset_rmse:.3f} {unit} after the fixed offset"
-    caption = f"{joint.name}: {errors}, {joint.rmse:.3f} {unit} after {shown}. Left: over time, with no line where rows"
-    caption += f" are missing; below it {shown} alone, close up; right: how often each error occurs."
+    x, worst = running_time(evaluation)[0], int(np.argmax(np.abs(series[-1].values)))
+    panels["close"].plot(x[worst], series[-1].values[worst], "o", color=MODEL, fillstyle="none", clip_on=False)
+    at = f"{x[worst]:.0f} s" if evaluation.window_unit == "s" else f"row {x[worst]:.0f}"
+    caption = f"{joint.name}: {errors}, {joint.rmse:.3f} {unit} after {shown}, at worst"
+    caption += f" {series[-1].values[worst]:+.3f} {unit} at {at} (circle). Left: over time, with no line where rows are"
+    caption += f" missing; below it {shown} alone, close up; right: how often each error occurs."
     caption += f" Rows that lie beyond the picture: {beyond:,}." if beyond else ""
     if evaluation.level is not None:
         level = f"which is to hold {100.0 * evaluation.level:g} % of its errors"
