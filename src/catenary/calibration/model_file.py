@@ -97,7 +97,8 @@ def _renew(found: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> dict[str, 
     if features.pop("midlines", None) or skipping:
         raise InputError("it takes midlines of torques, or a line beside a network, which are gone: fit again")
     for k, group in enumerate(found["groups"]):
-        old = {key: arrays.get(v, v) if isinstance(v, str) else v for key, v in group["predictor"].items()}
+        own: dict[str, Any] = group["predictor"]
+        old: dict[str, Any] = {key: arrays.get(v, v) if isinstance(v, str) else v for key, v in own.items()}
         match old.pop("kind"):
             case "constant":
                 new = linear(np.zeros((len(arrays[group["columns"]]), len(old["value"]))), old["value"])
@@ -108,8 +109,7 @@ def _renew(found: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> dict[str, 
                 new = Expansion(terms, np.vstack([old["linear"], old["quadratic"]]), old["bias"])
             case "expansion":
                 names = {"constants": "sketch_bias"}
-                leverage = {n.name: group["predictor"].pop(names.get(n.name, n.name)) for n in fields(Leverage)}
-                group["predictor"]["leverage"] = leverage
+                own["leverage"] = {n.name: own.pop(names.get(n.name, n.name)) for n in fields(Leverage)}
                 continue
             case _:
                 continue
