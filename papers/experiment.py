@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 Plain = Any  # None, bool, int, float, str, lists and mappings of these
 Result = Mapping[str, Plain]
 Paper = Literal["calibration", "gravity", "regressor", "tutorial", "plant", "beyond"]
-Verdict = Literal["reproduced", "same direction", "not reproduced", "not measured"]
+# one session: what a paper saw of one robot once, and the simulated ones show by chance
+Verdict = Literal["reproduced", "same direction", "not reproduced", "cannot be judged by one session", "not measured"]
 BEYOND = "beyond"  # how the place of a claim begins that stands in no paper
 OF_DRAWN = 2  # trainings of every network of a drawn robot
 Robot = int | None | str  # a drawn one by its seed, the nominal one, or the folder of a real one's recordings

@@ -44,8 +44,11 @@ BLOCK = re.compile(r"(<!-- papers (?P<what>[^>]*?) -->\n).*?(\n?<!-- end -->)", 
 OLDER = "Older: judged by a criterion that has been corrected since; it is judged by the new one when it runs next."
 STALE = " (of older numbers: not read again since they changed)"
 REASONS = Path(__file__).parent / "reasons.json"
-MARKS = {"reproduced": "✓", "same direction": "~", "not reproduced": "✗", "not measured": "-"}
-LEGEND = "✓ reproduced, ~ same direction, ✗ not reproduced, - not judged yet"
+MARKS = {
+    "reproduced": "✓", "same direction": "~", "not reproduced": "✗", "cannot be judged by one session": "?",
+    "not measured": "-",
+}  # fmt: skip
+LEGEND = "✓ reproduced, ~ same direction, ✗ not reproduced, ? one session cannot tell, - not judged yet"
 # names of groups of claims and the pages that are about them
 GROUPS = {
     "calibration": "[Joint calibration](paper-joint-calibration.md)",
@@ -275,26 +278,40 @@ def every_claim(results: Results) -> str:
 
 
 def _tally(claims: Iterable[Mapping[str, Any]]) -> list[int]:
-    """Return how many claims have been judged, hold, hold in direction, do not hold, and were fitted to."""
+    """Return how many claims there are, hold, hold in direction, do not, cannot be judged, and were fitted to."""
     every = [claim for claim in claims if claim["verdict"] != NOT_MEASURED.verdict]
     counted = Counter(claim["verdict"] for claim in every)
-    return [len(every), *(counted[verdict] for verdict in list(MARKS)[:3]), sum(claim["fitted"] for claim in every)]
+    return [len(every), *(counted[verdict] for verdict in list(MARKS)[:4]), sum(claim["fitted"] for claim in every)]
 
 
 def _counts(results: Results) -> str:
     tallies = {page: _tally(claim for _, claim in _claims(group, results)) for group, page in GROUPS.items()}
     rows = [[page, *map(str, tally)] for page, tally in tallies.items()]
     return markdown(
-        {"header": ["", "claims", "reproduced", "same direction", "not reproduced", "of these fitted"], "rows": rows}
+        {
+            "header": [
+                "",
+                "claims",
+                "reproduced",
+                "same direction",
+                "not reproduced",
+                "one session cannot tell",
+                "of these fitted",
+            ],
+            "rows": rows,
+        }
     )
 
 
 def _total(results: Results) -> str:
     papers = [group for group in GROUPS if group != BEYOND]
-    every, held, alike, not_held, fitted = _tally(claim for group in papers for _, claim in _claims(group, results))
+    every, held, alike, not_held, chance, fitted = _tally(
+        claim for group in papers for _, claim in _claims(group, results)
+    )
     return (
         f"Of {every} claims of the four papers, {held} are reproduced on simulated robots, {alike} in direction, "
-        f"{not_held} are not; the simulated robot was fitted to {fitted} of them."
+        f"{not_held} are not, and {chance} the paper's one session cannot tell; the simulated robot was fitted to "
+        f"{fitted} of them."
     )
 
 

@@ -91,7 +91,7 @@ def test_a_block_counts_claims_and_leads_to_their_criteria() -> None:
     )
     long = with_claim(measured=f"{'0.1 ' * 40}(2 of 3)", published="0.1 " * 40)
     assert f"| {'0.1 ' * 30}… | {'0.1 ' * 30}… (2 of 3 parts hold) |" in block(["claims", "calibration"], long)
-    assert "| 1 | 0 | 0 | 1 | 1 |" in block(["counts"], RESULTS)
+    assert "| 1 | 0 | 0 | 1 | 0 | 1 |" in block(["counts"], RESULTS)
     assert "Of 1 claims of the four papers, 0 are reproduced" in block(["total"], RESULTS)
     for told in ("Criterion", "holds", "*A > B*: since", "not reproduced (fitted)", "What was chosen.", "x\\|y"):
         assert told.lower() in page_of(RESULTS["calibration-table-1"]).lower()

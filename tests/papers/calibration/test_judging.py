@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from papers.calibration.judging import less, near, statement
+from papers.calibration.judging import by_one_session, less, near, statement
 
 ROBOTS = np.array([[1.0, 1.0, 1.0], [2.0, 2.0, 2.0], [3.0, 3.0, 3.0]])
 
@@ -39,3 +39,21 @@ def test_numbers_are_near_in_the_mean_and_told_with_their_spread() -> None:
     assert found.measured == "a 1.000 ± 0.141"
     assert near(reached, {"a": 1.5}, 0.2, direction=[True]).verdict == "same direction"
     assert near(reached, {"a": 1.5}, 0.2, direction=[True, False]).verdict == "not reproduced"
+
+
+@pytest.mark.parametrize("mean", [-1.0, 0.3, 1.5])
+def test_the_probability_of_one_session_is_how_often_the_next_robot_shows_it(mean: float) -> None:
+    rng = np.random.default_rng(0)
+    told, shown = [], []
+    for _ in range(4000):
+        told.append(float(by_one_session([rng.normal(mean, 1.0, 6)], "").measured[-4:]))
+        shown.append(rng.normal(mean, 1.0) > 0.0)
+    assert np.mean(told) == pytest.approx(np.mean(shown), abs=0.06)
+
+
+def test_one_session_tells_what_nearly_every_robot_shows_and_nothing_of_one_robot() -> None:
+    clear, either = np.array([1.0, 1.1, 0.9, 1.05, 0.95, 1.0]), np.array([-1.0, 1.2, 0.1, -0.3, 0.5, -0.4])
+    assert by_one_session([clear], "").verdict == "reproduced"
+    assert by_one_session([-clear], "").verdict == "not reproduced"
+    for undecided in ([either], [clear, either], [clear[:1]]):
+        assert by_one_session(undecided, "").verdict == "cannot be judged by one session"
