@@ -189,7 +189,7 @@ def _concluded(
         spread = expected(validation, left, intervals, widening, growth)
         if wide := [f"{s.joint} {w:.2g}" for s, w in zip(spread, widening, strict=True) if w > _DOUBTED_RATIO]:
             told = f"where joints meet that its training has apart, errors may be more: {', '.join(wide)} times"
-            notes.append(f"{told}; record random motion" + ", or take --model linear" * options.record.is_power)
+            notes.append(f"{told}; record random motion")
         ranges = [(s, s.rmse_low or 0.0, s.rmse_high or 0.0) for s in spread]
         if vague := [f"{s.joint} {a:.3g} to {b:.3g} {s.unit}" for s, a, b in ranges if b > _VAGUE_RATIO * a]:
             notes.append(f"other minutes may err by {', '.join(vague)}, which says little: record longer")
