@@ -96,7 +96,7 @@ def test_an_inputs_valid_range_is_where_no_joint_that_takes_it_falls_back() -> N
     model = fitted(log, kind="polynomial", inputs={"J1": ("q:J1", "q:J2")}, play=(0.1,), ridge=1.0)
     data = calibration_data([log], model.features)
     card = model_card(model, data, asked, run=FitRun(), spread=(), held_out=None)
-    assert [joint["widened_by"] for joint in card["joints"]] == [0.1, 0.1, 0.1]
+    assert [joint["widened_by"] for joint in card["joints"]] == [1.5, 1.5, 1.5]
     for entry in card["inputs"][:3]:  # play states cannot leave theirs
         column = model.features.names.index(entry["name"])
         X = data.X[:1].repeat(4, axis=0)

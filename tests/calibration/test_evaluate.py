@@ -131,6 +131,19 @@ def test_no_fold_is_fitted_to_the_block_that_it_predicts() -> None:
     assert_array_equal([np.bincount(rows.recording) for rows in seen], np.full((4, 2), 30))
 
 
+def test_zeros_of_recordings_are_those_that_the_others_do_not_tell() -> None:
+    zeros = (0.0, 0.03, 0.0, 0.05)
+    logs = [off_by(np.full((40, 2), zero)) for zero in zeros]
+    found = cross_validate(data_of(*logs), offset_fit(logs[0]), folds=4)
+    of_others = [zero - (sum(zeros) - zero) / 3.0 for zero in zeros]
+    assert_allclose(found.of_others, np.repeat(of_others, 40)[:, None] * np.ones(2), atol=1e-12)
+    assert_allclose(found.after_model, np.repeat(np.array(zeros) - 0.02, 40)[:, None] * np.ones(2), atol=1e-12)
+    assert_array_equal(found.stretch, found.recording)
+    two = cross_validate(data_of(*logs[:2]), offset_fit(logs[0]), folds=4)  # of which none tells an own zero
+    assert_array_equal(two.of_others, two.after_model)
+    assert_array_equal(two.stretch, two.block)
+
+
 def test_spread_over_blocks_is_that_of_their_errors_about_the_others_mean() -> None:
     errors = np.random.default_rng(9).normal(size=(60, 2))
     spread = cross_validate(data_of(off_by(errors)), offset_fit(off_by(errors)), folds=4).spread

@@ -112,8 +112,8 @@ def test_a_day_without_drift_costs_no_accuracy(models: dict[str, CalibrationMode
 
 def test_rows_outside_are_told_and_change_nothing_else(models: dict[str, CalibrationModel]) -> None:
     old, log = models["linear"], a_day(6, 1800)
-    q = 2.5 * log.q_nominal
-    error = np.where((np.abs(q) < 2.0).all(axis=1, keepdims=True), q @ BEND, 0.3)
+    q = 6.0 * log.q_nominal
+    error = np.where((np.abs(q) < 4.0).all(axis=1, keepdims=True), q @ BEND, 0.3)
     data = rows_of(old, replace(log, q_nominal=q, q_encoder=q + error))
     refreshed = refresh_model(old, data)
     assert (refreshed.model.inside(data.X) == old.inside(data.X)).all()

@@ -11,7 +11,6 @@ from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.fit_options import FitOptions, FitRun
-from catenary.calibration.fit_rows import extrapolation
 from catenary.calibration.intervals import MAX_HALF_RANGES
 from catenary.calibration.model import MAX_CORRECTION_RATIO, CalibrationModel, Card
 from catenary.calibration.model_kinds import ModelKind, kind_of
@@ -97,7 +96,7 @@ def _joints(model: CalibrationModel, kind: ModelKind) -> list[dict[str, Any]]:
             "unit": unit,
             "kind": kind.name,
             "inputs": [model.features.names[c] for c in group_of[j].columns],
-            "widened_by": extrapolation(kind, model.features, group_of[j].columns),
+            "widened_by": kind.beyond,
             **sizes_of(model, j),
         }
         for j, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True))

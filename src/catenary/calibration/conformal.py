@@ -13,7 +13,6 @@ statement on all rows together, not on each pose. One stretch holds more or less
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -29,6 +28,7 @@ _MIN_BLOCK_ROWS = 4  # of a block
 _CHANCE_PROBABILITY = 0.05  # a coverage that is less likely than this under the stated one is not laid to chance
 _STRETCH_PROBABILITY = 0.9  # share of stretches whose error and coverage lie between what is stated
 _PROMISE_PROBABILITY = 0.95  # of other minutes of a day, whose RMSE lies in what is stated
+_LEAST_SQUARE = 1e-24  # [rad2|m2] below any error
 _MAX_LOG_ERROR = math.log(10.0)  # of a promise: nothing is known
 _FITTED_WEIGHT = 0.368  # weight of the error on the rows that were fitted to, in the .632 estimate
 COVERAGE_LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85 % of 90 %
@@ -47,8 +47,8 @@ def estimate_intervals(
     check_level(level)
     block = time_blocks(errors.recording, level=level)
     inside, outside = [], []
-    grown = np.abs(errors.after_model) / growth
-    for j in range(errors.after_model.shape[1]):
+    grown = np.abs(errors.of_others) / growth
+    for j in range(grown.shape[1]):
         known = errors.inside[:, j]
         near = block_quantile(grown[known, j], block[known], level)
         far = block_quantile(np.abs(errors.after_offset[:, j]), block, level)
@@ -61,9 +61,7 @@ def estimate_intervals(
 
 
 def expected(
-    spread: Sequence[Spread],
     errors: CrossValidation,
-    fold: Integers,  # (N,) block of the cross-validation that each row was left out with
     fitted: Floats,  # (N, n) errors of the model on the rows that it was fitted to [rad|m]
     intervals: Intervals | None,  # whose coverage is to be stated; none without
     widening: Floats | float = 1.0,  # (n,) times as large as on the blocks is an error where joints meet otherwise
@@ -71,58 +69,62 @@ def expected(
 ) -> tuple[Spread, ...]:
     """Return the spread over blocks with what it lets expect of another stretch as long as the data.
 
-    Its mean differs from that of these as two means of K blocks do, by Student's distribution; a block's variance, of
-    the logarithm of its RMSE or of the share held, is the mean of the joints'. The model itself, which saw more rows
-    than those of the blocks, may err as little as the .632 estimate (Efron, JASA 78, 1983). In the margin of the valid
-    range its error is at most that of the fixed offset.
+    Its mean differs from that of these as two means of K parts do, by Student's distribution; a part's variance, of the
+    logarithm of its RMSE or of the share held, is the mean of the joints'. The model itself, which saw more rows than
+    those of the blocks, may err as little as the .632 estimate (Efron, JASA 78, 1983), and so may one whose zero of the
+    recording is known; at most it errs as where whole recordings were left out, which are then the parts. In the margin
+    of the valid range its error is at most that of the fixed offset.
     """
-    from scipy.stats import t
+    spread, of_others = errors.spread, errors.of_others
 
-    parts = [fold == k for k in np.unique(fold)]
-    rmse = np.log([np.maximum(np.sqrt(np.mean(errors.after_model[k] ** 2, axis=0)), 1e-12) for k in parts])
-    apart = float(
-        t.ppf(0.5 + 0.5 * _STRETCH_PROBABILITY, (len(parts) - 1) * rmse.shape[1]) * math.sqrt(2.0 / len(parts))
-    )
-    times = math.exp(apart * math.sqrt(rmse.var(axis=0, ddof=1).mean()))
-    known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(rmse.mean(axis=0))
+    def times(values: Floats) -> Floats:
+        (parts, joints), variance = values.shape, values.var(axis=0, ddof=1).mean()
+        return _of_another(variance, parts, (parts - 1) * joints, _STRETCH_PROBABILITY)
+
+    of_blocks = _log_rmse(errors.after_model, errors.block)
+    known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(of_blocks.mean(axis=0))
     mean, offset = (np.array([getattr(s, name) for s in spread]) for name in ("rmse_mean", "offset_rmse_mean"))
     fitted_share = _FITTED_WEIGHT * np.minimum(known, 1.0) + 1.0 - _FITTED_WEIGHT
-    low, high = mean * np.minimum(1.0 / times, fitted_share), mean * times * widening
+    more = np.sqrt(np.mean(np.square(of_others), axis=0) / np.mean(np.square(errors.after_model), axis=0))
+    low = mean * np.minimum(np.exp(-times(of_blocks)), fitted_share)
+    high = mean * np.maximum(more, 1.0) * np.exp(times(_log_rmse(of_others, errors.stretch))) * widening
     names = ["rmse_low", "rmse_high", "rmse_margin"]
     stated: list[Floats] = [low, high, np.maximum(high, offset)]
     if intervals is not None:
-        held = np.abs(errors.after_model) <= np.where(errors.inside, growth * intervals.inside, intervals.outside)
-        shares = np.array([held[part].mean(axis=0) for part in parts])
-        off, share = apart * math.sqrt(shares.var(axis=0, ddof=1).mean()), shares.mean(axis=0)
+        held = np.abs(of_others) <= np.where(errors.inside, growth * intervals.inside, intervals.outside)
+        shares = np.array([held[errors.stretch == k].mean(axis=0) for k in np.unique(errors.stretch)])
+        off, share = times(shares), shares.mean(axis=0)
         names += ["held_low", "held_high"]
         stated += [np.maximum(share - off, 0.0), np.minimum(share + off, 1.0)]
     of_joints: list[list[Any]] = np.array(stated).T.tolist()
     return tuple(replace(s, **dict(zip(names, found, strict=True))) for s, found in zip(spread, of_joints, strict=True))
 
 
-def rmse_of_other_minutes(left: Floats) -> tuple[Floats, Floats]:
-    """Return between what RMSE (n,) errors of other minutes lie, from those left (N, n) [rad|m], in the order of time.
+def rmse_of_other_minutes(left: Floats, block: Integers) -> tuple[Floats, Floats]:
+    """Return between what RMSE (n,) errors of other minutes lie, from those left (N, n) [rad|m] on blocks of time (N,).
 
-    Neighbouring rows say nearly the same: N rows count as N / T independent ones, T the sum of the autocorrelations of
-    the squared errors until the first that is not positive (Geyer, Statistical Science 7, 1992). The logarithm of the
-    mean square lies about its estimate by Student's distribution of as many, with _PROMISE_PROBABILITY probability.
+    Minutes differ from each other as their parts do: a joint by its own parts, or as the mean of all joints where that
+    is more, with _PROMISE_PROBABILITY probability (`_of_another`).
     """
+    parts = _log_rmse(left, block)
+    variance = parts.var(axis=0, ddof=1)
+    variance = np.maximum(variance, variance.mean())
+    off = np.minimum(_of_another(variance, len(parts), len(parts) - 1, _PROMISE_PROBABILITY), _MAX_LOG_ERROR)
+    rmse = np.sqrt(np.mean(np.square(left), axis=0))
+    return rmse * np.exp(-off), rmse * np.exp(off)
+
+
+def _of_another(variance: Floats, parts: int, freedom: int, probability: float) -> Floats:
+    """Return by how much means of as many other parts differ, of parts whose variance is known to some freedom."""
     from scipy.stats import t
 
-    squares = np.square(left)
-    mean = np.maximum(squares.mean(axis=0), 1e-24)
-    off = np.empty(left.shape[1])
-    for j, column in enumerate((squares - squares.mean(axis=0)).T):
-        spectrum = np.abs(np.fft.rfft(column, 2 * len(column))) ** 2
-        correlation = np.fft.irfft(spectrum)[: len(column)]
-        alike = correlation / max(float(correlation[0]), 1e-300)
-        ends = np.flatnonzero(alike[1:] <= 0.0)
-        independent = len(column) / (1.0 + 2.0 * alike[1 : 1 + ends[0]].sum()) if len(ends) else 1.0
-        independent = max(independent, 2.0)
-        times = float(t.ppf(0.5 + 0.5 * _PROMISE_PROBABILITY, independent - 1.0)) / math.sqrt(independent)
-        off[j] = min(0.5 * times * float(column.std()) / mean[j], _MAX_LOG_ERROR)
-    rmse = np.sqrt(squares.mean(axis=0))
-    return rmse * np.exp(-off), rmse * np.exp(off)
+    return np.asarray(t.ppf(0.5 + 0.5 * probability, freedom) * np.sqrt(2.0 * variance / parts))
+
+
+def _log_rmse(errors: Floats, part: Integers) -> Floats:
+    """Return the logarithm of the RMSE of errors (N, n) on each part (N,), (K, n)."""
+    squares = [np.mean(np.square(errors[part == k]), axis=0) for k in np.unique(part)]
+    return np.asarray(0.5 * np.log(np.maximum(squares, _LEAST_SQUARE)))
 
 
 def block_quantile(scores: Floats, block: Integers, level: float) -> float:

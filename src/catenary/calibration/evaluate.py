@@ -16,6 +16,7 @@ from catenary.tables import Column, OnScreen, Screen, Table, in_units
 from catenary.units import DISPLAY
 
 HARM_RATIO = 1.01  # times the fixed offset's error: less is no harm
+_MIN_RECORDINGS = 3  # of which zeros can be told from motion
 OUTSIDE_SHARE = 0.1  # share of rows outside a model's valid range that is worth a warning
 
 
@@ -192,6 +193,18 @@ class CrossValidation:
     after_model: Floats  # (N, n) [rad|m]
     inside: Flags  # (N, n) in the valid range of the model that did not see the row
     recording: Integers  # (N,) of the rows
+    block: Integers  # (N,) of time, that was left out
+    zeros: Floats | None = None  # (N, n) errors of a recording of which no block is known; None of few recordings
+
+    @property
+    def of_others(self) -> Floats:
+        """Errors as they are on another recording, (N, n) [rad|m]: with the zero that none of its blocks told."""
+        return self.after_model if self.zeros is None else self.after_model + self.zeros
+
+    @property
+    def stretch(self) -> Integers:
+        """What differs as another stretch does, (N,): recordings where zeros are known, else blocks."""
+        return self.block if self.zeros is None else self.recording
 
 
 def cross_validate(
@@ -201,7 +214,10 @@ def cross_validate(
     folds: int,  # at least 2
     progress: Progress = silent,
 ) -> CrossValidation:
-    """Return errors on blocks (`CalibrationData.blocks`), each left out of the fit in turn; rows are never shuffled."""
+    """Return errors on blocks (`CalibrationData.blocks`), each left out of the fit in turn; rows are never shuffled.
+
+    A block's zero is known from the others of its recording: of several recordings whole ones are left out, too.
+    """
     if folds < 2 or folds > len(data):
         raise InputError(f"folds: expected 2 to {len(data)} (the usable rows), got {folds}")
     block = data.blocks(folds)
@@ -209,22 +225,31 @@ def cross_validate(
     if len(present) < 2:
         raise InputError(f"folds: {folds} blocks leave no rows to fit to, {len(data)} rows in all")
     after_offset, after_model = np.empty_like(data.error), np.empty_like(data.error)
-    inside = np.empty(data.error.shape, dtype=bool)
+    inside, several = np.empty(data.error.shape, dtype=bool), len(data.sources) >= _MIN_RECORDINGS
+    whole = data.recording * min(folds, len(data.sources)) // len(data.sources)
+    left_out = [block == k for k in present] + [whole == k for k in np.unique(whole)] * several
 
-    def left_by(k: int, tell: Progress) -> Evaluation:
-        return evaluate(fit(data.rows(block != k), tell), data.rows(block == k))
+    def left_by(rows: Flags, tell: Progress) -> Evaluation:
+        return evaluate(fit(data.rows(~rows), tell), data.rows(rows))
 
-    lefts = of_each(left_by, present, progress=progress)
-    for k, left in zip(present, lefts, strict=True):
-        after_offset[block == k], after_model[block == k] = left.after_offset, left.after_model
-        inside[block == k] = left.inside
+    every = of_each(left_by, left_out, progress=progress)
+    lefts = every[: len(present)]
+    for rows, left in zip(left_out[: len(present)], lefts, strict=True):
+        after_offset[rows], after_model[rows], inside[rows] = left.after_offset, left.after_model, left.inside
+    zeros = np.zeros_like(after_model)
+    for rows, left in zip(left_out[len(present) :], every[len(present) :], strict=True):
+        for number in np.unique(data.recording[rows]):
+            own = data.recording == number
+            zeros[own] = left.after_model[own[rows]].mean(axis=0) - after_model[own].mean(axis=0)
     results = [left.joints for left in lefts]
     spreads = []
     for joint, *of_folds in zip(results[0], *results, strict=True):
         errors = np.array([(fold.rmse, fold.offset_rmse) for fold in of_folds])
         of_both = np.column_stack([errors.mean(axis=0), errors.std(axis=0, ddof=1)])
         spreads.append(Spread(joint.name, joint.unit, len(results), *of_both.ravel().tolist()))
-    return CrossValidation(tuple(spreads), after_offset, after_model, inside, data.recording)
+    return CrossValidation(
+        tuple(spreads), after_offset, after_model, inside, data.recording, block, zeros if several else None
+    )
 
 
 def _windows(data: CalibrationData, errors: tuple[Floats, ...], window: float | None) -> list[Window]:

@@ -36,6 +36,7 @@ _MAX_FAR_SHARE = 0.03  # of rows, that failed measurements are
 _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _LEFT_OUT_RATIO = 1.05  # times the RMSE without rows left out, that is worth a word
 _DOUBTED_RATIO = 1.5  # times as large as on blocks may an error be elsewhere, that is worth a word
+_ZERO_RATIO = 1.2  # times as large are errors before a recording's zero is known, that is worth a word
 _VAGUE_RATIO = 2.0  # times its lower end, that a range of errors says little beyond
 
 Rows = tuple[CalibrationData, CalibrationData | None, CalibrationData]
@@ -98,6 +99,20 @@ def _far_notes(data: CalibrationData, left: Floats) -> list[str]:
         return []
     what = f"{far.sum()} rows lie beyond {OUTLIER_SIGMAS:g} robust deviations of the model's errors"
     return [f"{what}, as failed measurements do; {_without(data, left[~far], left)}"]
+
+
+def _zero_notes(data: CalibrationData, errors: CrossValidation) -> list[str]:
+    """Say by how much zeros of recordings differ, where errors are larger before that of a new one is known."""
+    if errors.zeros is None:
+        return []
+    known, unknown = np.square(errors.after_model).mean(axis=0), np.square(errors.of_others).mean(axis=0)
+    sizes = [
+        f"{data.joint_names[j]} {factor * rms(errors.zeros[:, j]):.2g} {unit}"
+        for j in np.flatnonzero(unknown > _ZERO_RATIO**2 * known)
+        for unit, factor in [DISPLAY[data.joint_units[j]]]
+    ]
+    told = "errors are those at the lower end once a recording's zero is known (`catenary refresh`)"
+    return [f"zeros of recordings differ by {', '.join(sizes)}: {told}"] if sizes else []
 
 
 def _without(data: CalibrationData, kept: Floats, every: Floats) -> str:
@@ -171,13 +186,14 @@ def _concluded(
     spread: tuple[Spread, ...] = ()
     if validation is not None:
         widening = np.ones_like(model.offset) if model.widening is None else model.widening
-        spread = expected(validation.spread, validation, data.blocks(run.folds), left, intervals, widening, growth)
+        spread = expected(validation, left, intervals, widening, growth)
         if wide := [f"{s.joint} {w:.2g}" for s, w in zip(spread, widening, strict=True) if w > _DOUBTED_RATIO]:
             told = f"where joints meet that its training has apart, errors may be more: {', '.join(wide)} times"
-            notes.append(f"{told}; record random motion" + ", or take --model linear" * options.record.is_power)
+            notes.append(f"{told}; record random motion")
         ranges = [(s, s.rmse_low or 0.0, s.rmse_high or 0.0) for s in spread]
         if vague := [f"{s.joint} {a:.3g} to {b:.3g} {s.unit}" for s, a, b in ranges if b > _VAGUE_RATIO * a]:
             notes.append(f"other minutes may err by {', '.join(vague)}, which says little: record longer")
+        notes += _zero_notes(data, validation)
     held_out = None if late is None else evaluate(model, late)
     card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=tuple(notes))
     card["delays"] = [

@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from catenary.arrays import Floats, Integers
+from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.extrapolation import TrainedRows, leverage_of
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, FoundCables
 from catenary.calibration.learned import BLOCKS
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
-from catenary.calibration.model_kinds import ModelKind
+from catenary.calibration.model_kinds import LEARNED
 from catenary.calibration.predictors import Expansion
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE, largest_step, room_of
@@ -23,7 +23,6 @@ from catenary.plant import MotionLog
 from catenary.side_by_side import Progress, part_of, silent
 
 MIN_ROWS = 10  # rows
-_BEYOND_AXES = 1.0  # of the range along a principal axis, how far a model may go; see `ModelKind`
 _SHOWN_QUANTILE = 0.99  # of training errors, for the largest correction: others may be failed measurements
 _RESOLUTION_SI = 1e-6  # [rad|m] the smallest "largest correction": smaller ones no encoder shows
 
@@ -116,13 +115,12 @@ def fit(
             block=data.blocks(BLOCKS), recording=data.recording,
             penalties=chosen.penalties if isinstance(chosen, Expansion) else None, estimator=options.estimator,
         )  # fmt: skip
-        if isinstance(predictor, Expansion) and predictor.leverage is None and like is None and kind.name != "offset":
+        if isinstance(predictor, Expansion) and predictor.leverage is None and kind.name not in ("offset", LEARNED):
             trained = TrainedRows(X, columns.tolist(), inputs.features, [data.joint_names[j] for j in joints])
             known = leverage_of(trained, predictor.terms, Y[:, joints], options.ridge_used or 0.0, data.blocks(BLOCKS))
             predictor = replace(predictor, leverage=known)
         watched = columns[~inputs.features.bounded[columns]]
-        margin = extrapolation(kind, inputs.features, columns)
-        valid = fit_valid_range(data.X[:, watched], margin, along_axes=margin if kind.is_power else _BEYOND_AXES)
+        valid = fit_valid_range(data.X[:, watched], kind.beyond, along_axes=kind.along_axes)
         groups.append(JointGroup(tuple(joints), columns, predictor, valid, watched))
         report(1.0)
     anything, named = np.full(len(offset), ANY_SIZE), (data.joint_names, data.joint_units)
@@ -138,8 +136,3 @@ def largest_shown(model: CalibrationModel, data: CalibrationData) -> Floats:
     seen = np.quantile(np.abs(data.error), _SHOWN_QUANTILE, axis=0)
     largest: Floats = np.max([given, seen, np.abs(model.offset), np.full(len(seen), _RESOLUTION_SI)], axis=0)
     return largest
-
-
-def extrapolation(kind: ModelKind, features: FeatureSet, columns: Integers) -> float:
-    """Return how far beyond training a kind may go, as a share of its range; columns behind the signals are memory."""
-    return kind.beyond_with_memory if (columns >= len(features.signals)).any() else kind.beyond

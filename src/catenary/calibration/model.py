@@ -200,7 +200,22 @@ class CalibrationModel(OnScreen):
             far, beyond = np.zeros((len(X), 1)), np.zeros((len(X), 1))
             steps += group.steps(X, known, prediction, far, beyond, fades)
             fade = np.array([_FADES_FROM, 1.0] if fades else [ANY_SIZE, 2.0 * ANY_SIZE])
-            chosen_from = (prediction, known, q, joints, far, fade, adjustment, self.offset, *believed)
+            farthest = np.full(len(joints), ANY_SIZE)
+            if leverage is not None and leverage.farthest is not None and not fades:
+                farthest = leverage.farthest
+            chosen_from = (
+                prediction,
+                known,
+                beyond,
+                farthest,
+                q,
+                joints,
+                far,
+                fade,
+                adjustment,
+                self.offset,
+                *believed,
+            )
             steps.append(Step(choose, chosen_from, (correction, inside)))
             if interval is not None and self.intervals is not None:
                 seen, factor = group.valid_range.seen, np.zeros(len(joints)) if leverage is None else leverage.factor

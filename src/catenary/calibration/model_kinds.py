@@ -11,15 +11,16 @@ if TYPE_CHECKING:  # help reads these records, and starts without NumPy
     from catenary.arrays import Floats
     from catenary.calibration.predictors import AnyPredictor
 
+_UNBOUNDED = 1e6  # of ranges
+
 
 @dataclass(frozen=True)
 class ModelKind:
     """A kind of model.
 
-    How far beyond the training data a model may go is a share of their range. Zig-zag data leave nearly half of the
-    shoulder's range out; half a range beyond, models without memory still correct most of the error there, and a range
-    along principal axes, most of which are narrow. A polynomial doubles its error there; one with memory has hundreds
-    of terms, and its error grows fast.
+    How far beyond the training data a model may go is a share of their range. A regression's leverage tells where it
+    knows less than the fixed offset (extrapolation.py), so that it may go far; of the learned one, of bounded terms,
+    combinations that never occurred do, along principal axes; of others half a range is known.
 
     Args:
         name: As it is typed.
@@ -32,8 +33,7 @@ class ModelKind:
         play_shares: Half-widths of play states that it takes unasked, of each joint's range; with friction states.
         of_error: It is fitted to the joint error, whatever the target.
         beyond: How far beyond the box of the training data it may go.
-        beyond_with_memory: The same of a model that takes play or friction states.
-        is_power: It grows as powers do: along principal axes too it goes no farther than beyond the box.
+        along_axes: The same along principal axes.
         fades: Before the edge of the valid range it goes over to the fixed offset.
         in_c: It can be written as C.
     """
@@ -46,9 +46,8 @@ class ModelKind:
     settings: str | None = None
     play_shares: tuple[float, ...] = ()
     of_error: bool = False
-    beyond: float = 0.5
-    beyond_with_memory: float = 0.5
-    is_power: bool = False
+    beyond: float = 1.5
+    along_axes: float = _UNBOUNDED
     fades: bool = False
     in_c: bool = True
 
@@ -76,14 +75,7 @@ _PLAY_SHARES = tuple(0.0006 * 1.5**k for k in range(15))
 _KINDS = (
     ModelKind("offset", "the mean error", "predictors:fit_offset", of_error=True),
     ModelKind("linear", "a linear function", "predictors:fit_linear", ("ridge",)),
-    ModelKind(
-        "polynomial",
-        "one of second order",
-        "predictors:fit_polynomial",
-        ("ridge",),
-        beyond_with_memory=0.1,
-        is_power=True,
-    ),
+    ModelKind("polynomial", "one of second order", "predictors:fit_polynomial", ("ridge",)),
     ModelKind(
         "neural",
         "the network of Peng et al.",
@@ -91,6 +83,8 @@ _KINDS = (
         ("seed", "progress"),
         preset="paper",
         settings="PAPER",
+        beyond=0.5,
+        along_axes=1.0,
     ),
     ModelKind(
         "learned",
@@ -98,6 +92,7 @@ _KINDS = (
         "learned:fit_learned",
         ("features", "columns", "joints", "block", "recording", "penalties"),
         play_shares=_PLAY_SHARES,
+        along_axes=1.0,
         fades=True,
     ),
     ModelKind(
@@ -106,6 +101,8 @@ _KINDS = (
         "own_model:fit_own",
         ("estimator", "seed"),
         play_shares=_PLAY_SHARES,
+        beyond=0.5,
+        along_axes=1.0,
         fades=True,
         in_c=False,
     ),

@@ -113,12 +113,12 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, recordings: Re
     refreshed = replace(refreshed, largest=largest)
     if model.intervals is not None:
         inside = refreshed.correct(day.data.X, data.q_nominal)[1]
-        errors = CrossValidation((), data.error - refreshed.offset, left, inside, data.recording)
+        errors = CrossValidation((), data.error - refreshed.offset, left, inside, data.recording, block)
         refreshed = replace(refreshed, intervals=_wider(model.intervals, errors))
         if refreshed.intervals is None:
             notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
     before = data.error - old
-    scale, promise = np.array([DISPLAY[unit][1] for unit in model.joint_units]), rmse_of_other_minutes(left)
+    scale, promise = np.array([DISPLAY[unit][1] for unit in model.joint_units]), rmse_of_other_minutes(left, block)
     of_errors = (np.sqrt(np.mean(np.square(each), axis=0)) for each in (before, left))
     numbers = (scale * np.array([change.mean(axis=0), *of_errors, *promise])).T.tolist()
     changes = tuple(

@@ -89,6 +89,8 @@ def standardisation(X: Floats) -> tuple[Floats, Floats]:
 def choose(
     prediction: Floats,  # (N, m) what is predicted of `joints`; one that is not finite is not to be trusted
     known: Flags,  # (N,) whether the features are inside the valid range
+    beyond: Floats,  # (N, 1) leverage beyond what is usual
+    farthest: Floats,  # (m,) the largest of it at which a prediction is trusted
     q: Floats,  # (N, n) reported positions; where one is not finite, nothing is known of that joint
     joints: Integers,  # (m,) which of the n joints
     far: Floats,  # (N, 1) see `intervals.distance`
@@ -107,7 +109,8 @@ def choose(
             joint, position = joints[k], q[row, joints[k]]
             error = adjustment[1, joint] * (prediction[row, k] - adjustment[0, joint] * position)
             error += adjustment[2, joint] * position + adjustment[3, joint]
-            trusted = known[row] and np.isfinite(position) and abs(error) <= reach[joint]
+            trusted = known[row] and beyond[row, 0] <= farthest[k]
+            trusted = trusted and np.isfinite(position) and abs(error) <= reach[joint]
             trusted = trusted and lower[joint] <= position + error <= upper[joint]
             correction[row, joint] = error if trusted else offset[joint]
             if trusted and far[row, 0] > fade[0]:
