@@ -35,7 +35,7 @@ _PIECES = 20  # of the rows, one after another in memory
 _STANDING_SHARE, _LEAST_MOVING = 0.02, 0.05  # of the fastest steps; share of rows
 _EPSILON, _LEAST_RIDGE = 1e-6, 1.0  # rows: a constant is hardly held
 _OFFSET_RATIO = 1.3  # times the fixed offset's error, that a prediction may be expected to have; as below
-_BEYOND, _LEAST, _MOST = 2.0, 8.0, 20.0  # of the factor; set on simulated RAVEN-IIs and drawn arms of even seeds
+_BEYOND, _LEAST, _MOST = 2.0, 8.0, 30.0  # of the factor; set on simulated RAVEN-IIs and drawn arms of even seeds
 
 
 class TrainedRows(NamedTuple):
