@@ -181,6 +181,24 @@ def test_joints_that_move_as_one_are_told_apart_by_where_they_stand() -> None:
     assert [f.joints for f in findings_of(swapped) if f.name == "swapped"] == [("J1", "J2")]
 
 
+def test_a_sum_in_another_joints_place_is_put_into_its_own_before_it_is_parted() -> None:
+    log = cable_arm()
+    assert log.q_encoder is not None
+    summed = replace(
+        log, q_encoder=log.q_encoder + np.outer(0.8 * log.q_encoder[:, 1], np.eye(len(log.joint_names))[0])
+    )
+    found = [each for each in findings_of(exchanged(summed, MEASURED, [1, 0])) if each.refuses]
+    assert [each.name for each in found] == ["swapped", "mixed"]
+    assert found[1].joints == ("J1",)
+    assert "as if mended by --swap J1,J2" in found[1].says
+
+
+def test_a_frame_that_turns_an_axis_round_is_no_sign_beside() -> None:
+    found = [each for each in findings_of(exchanged(mixed(cable_arm(), 0, 1), MEASURED, [1, 0])) if each.refuses]
+    assert found
+    assert not any("--sign J2" in each.remedy and "mixed" in {other.name for other in found} for each in found[:2])
+
+
 def test_a_recording_without_measurements_is_judged_by_its_commands() -> None:
     log = replace(recording(), q_encoder=None)
     assert findings_of(log) == ()

@@ -175,7 +175,8 @@ def _relation(
     if not in_step and any(each.refuses and each.name == "delay" for each in late):
         return [*swapped, *turns, *late]  # rows out of step follow nothing, and their slopes mean nothing
     # slopes and leaps of columns of another scale, or of another joint, mean nothing either
-    first = [*single, *slope_findings(pairs, place)]
+    parted = {joint for each in single if each.refuses and each.name == "mixed" for joint in each.joints}
+    first = [*single, *(each for each in slope_findings(pairs, place) if parted.isdisjoint(each.joints))]
     wrong = {*wrong, *(joint for each in first for joint in each.joints)}
     others = [each for each in (*still, *leap_findings(pairs, place)) if not set(wrong) & set(each.joints)]
     turned, shown = {joint for each in turns for joint in each.joints}, " (seen as if brought into one turn)"

@@ -79,7 +79,8 @@ def _cycles_of(permutation: Integers) -> list[list[int]]:
 def correspondence_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding], list[Finding]]:
     """Find swapped joints; and copies, sums, flipped signs, and measurements that follow nothing."""
     findings = [*_copied(pairs), *_mixed(pairs, place)]
-    for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving).tolist():
+    explained = [name in {joint for each in findings if each.remedy for joint in each.joints} for name in pairs.names]
+    for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving & ~np.array(explained)).tolist():
         r, name = float(pairs.correlation[i, place[i]]), pairs.names[i]
         spread, of_command = float(pairs.m[:, i].std()), float(pairs.q[:, place[i]].std())
         if r < -_MIN_CORRELATION:
@@ -113,12 +114,15 @@ def _copied(pairs: Pairs) -> Iterator[Finding]:
 
 
 def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
-    """Find measurements that are sums of several joints' commands, and the matrix that parts them."""
-    moving = np.flatnonzero(pairs.moved)
+    """Find measurements that are sums of commands, their own with others', and the matrix that parts them.
+
+    A sum in another joint's place is first put into its own.
+    """
+    own_place, moving = place == np.arange(len(place)), np.flatnonzero(pairs.moved)
     matrix, said, entries, refuses = np.eye(len(pairs.names)), list[str](), list[str](), False
     shown = np.array([DISPLAY[unit][1] for unit in pairs.log.joint_units])
-    for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving).tolist():
-        alone = 1.0 - float(pairs.correlation[i, place[i]]) ** 2
+    for i in np.flatnonzero(own_place & pairs.moved & pairs.seen_moving).tolist():
+        alone = 1.0 - float(pairs.correlation[i, i]) ** 2
         rows = pairs.likely[:, i]
         if alone < _MIXED_UNEXPLAINED or rows.sum() < 4 * len(moving):
             continue
