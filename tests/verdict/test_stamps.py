@@ -113,3 +113,17 @@ def test_setpoint_report_and_measurement_come_out_of_a_bag_and_stay_in_the_log(t
     for one in (read, read_log(tmp_path / "lab.parquet")):
         assert one.q_reported is not None
         assert_allclose(one.q_reported, log.q_nominal - 0.01, atol=1e-9)
+
+
+def test_commands_that_leap_between_poses_are_a_staircase_and_no_stamps_in_minutes() -> None:
+    log, rng = cable_arm(seconds=60.0), np.random.default_rng(0)
+    assert log.q_encoder is not None
+    rows = np.repeat(rng.choice(len(log), 20, replace=False), 500)
+    measured = log.q_encoder[rows] + 1e-5 * rng.standard_normal((len(rows), log.q_encoder.shape[1]))
+    ok, time = np.ones(10_000, dtype=bool), 0.001 * np.arange(10_000.0)
+    poses = MotionLog("poses", log.joint_names, log.joint_units, log.q_nominal[rows], ok, measured, time)
+    found = findings_of(poses)
+    assert not any(each.refuses for each in found)
+    assert [each.says for each in found if each.name == "short"] == [
+        "commands leap between 20 poses and stand there: all rows of a pose tell the same"
+    ]

@@ -13,6 +13,7 @@ _MAX_STEP_S = 60.0  # [s] a median step that no recording has
 _MAX_SPEEDS = {"rad": 3000.0, "m": 10000.0}  # [deg/s, mm/s] that no arm reaches; RAVEN-II's tool turns at 500
 _MIN_PART_ROWS = 20  # median length of the parts between stamps that go back: joined recordings are longer
 _REPEATED_SHARE = 0.01  # share of rows with a stamp that was there before: messages that came twice are fewer
+_LEAPING_SHARE = 0.1  # of rows, on which commands change, of a staircase
 _MIN_STEPS_BACK = 4  # from which on that is asked: a clock may be set once or twice
 
 
@@ -59,11 +60,19 @@ def arrival_findings(log: MotionLog, delay: Delay | None) -> list[Finding]:
     return [Finding("clock", (), says, culprit, refuses=False)]
 
 
+def poses_of(log: MotionLog) -> int:
+    """Return between how many poses commands leap, to stand there; 0 where they move."""
+    moves = np.any(np.diff(log.q_nominal, axis=0) != 0.0, axis=1)
+    padded = np.r_[False, moves, False]
+    leaps = moves & ~padded[:-2] & ~padded[2:]
+    return 1 + int(leaps.sum()) if 0.0 < moves.mean() < _LEAPING_SHARE and leaps.sum() > 0.9 * moves.sum() else 0
+
+
 def _unit_findings(log: MotionLog) -> list[Finding]:
     assert log.time is not None
     steps = np.diff(log.time)
     rising = steps > 0.0
-    if not rising.any():
+    if not rising.any() or poses_of(log):  # a leap takes no time
         return []
     q, median = scales(log) * log.q_nominal, float(np.median(steps[rising]))
     moved, ranges = np.abs(np.diff(q, axis=0))[rising], np.ptp(q, axis=0)
