@@ -63,6 +63,7 @@ CALLS: dict[str, dict[str, Any]] = {
     "load_model": {"path": "none.npz"},
     "load_robot": {"source": "raven2"},
     "load_xacro": {"path": "none.urdf.xacro"},
+    "load_closed_robot": {"source": "none.xml"},
     "read_log": {"path": "none.parquet"},
     "zigzag": {"direction": "J1", "sparsities": [1 / 2]},
     "go_to": {"q_start": Q, "q_goal": Q + 0.1, "max_velocity": 1.0, "max_acceleration": 1.0},

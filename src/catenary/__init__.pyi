@@ -32,6 +32,7 @@ from catenary.dynamics.torque_derivatives import torque_derivatives as torque_de
 from catenary.dynamics.torque_regressor import torque_regressor as torque_regressor
 from catenary.errors import CatenaryError as CatenaryError
 from catenary.errors import DataError as DataError
+from catenary.gravity.closed_robot import load_closed_robot as load_closed_robot
 from catenary.gravity.compact_regressor import compact_regressor as compact_regressor
 from catenary.gravity.estimator import GravityEstimator as GravityEstimator
 from catenary.gravity.export import export_function as export_function
