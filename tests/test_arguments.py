@@ -87,6 +87,8 @@ CALLS: dict[str, dict[str, Any]] = {
     "external_wrench": {"model": ARM, "q": Q[None], "external": EXTERNAL},
     "locate_load": {**ROW, "noise": [0.1, 0.1]},
     "cut_arm": {"model": ARM, "base": next(iter(ARM.frames)), "tip": ARM.tip},
+    "Servo": {"kind": "current", "gain": 1.5},
+    "servo_command": {"servos": [catenary.Servo("pwm", 1.5)] * 3, "torque": ZERO, "q": Q, "qd": ZERO},
     "lock_joints": {"model": ARM, "locked": {ARM.joint_names[0]: 0.1}},
     "propose_mapping": {"sources": "none.csv"},
     "record_simulated": {"plant": PLANT, "trajectory": MOTION, "name": "a", "rng": RNG},

@@ -14,6 +14,8 @@ from catenary.control.inertia_pd import InertiaPD as InertiaPD
 from catenary.control.limits import TorqueLimits as TorqueLimits
 from catenary.control.loop import run_loop as run_loop
 from catenary.control.pd import JointPD as JointPD
+from catenary.control.servos import Servo as Servo
+from catenary.control.servos import servo_command as servo_command
 from catenary.crtk.client import CrtkClient as CrtkClient
 from catenary.dynamics.external_torque import MomentumObserver as MomentumObserver
 from catenary.dynamics.external_torque import external_torque as external_torque
