@@ -93,6 +93,7 @@ def test_friction_of_joints_that_move_together_is_one_of_their_coordinate(load):
         (COUPLED + "limits_deg = [0, 1]\n", '"arm" is in m: expected limits_m'),
         ('description = "stretch.urdf"\nmotors = ["lift"]', "motors: the robot has no loop"),
         ('description = "stretch.urdf"\nassembled_m = { lift = 0.1 }', "assembled: expected with a loop"),
+        ('description = "stretch.urdf"\nmotors = ["lift"]\nassembled_deg = { lift = 9 }', '"lift" is in m: expected assembled_m'),
         ('description = "stretch.urdf"\n[[loop]]\nname = "a"\nframes = ["l0_link", "x"]', 'no frame "x"'),
         ('description = "stretch.urdf"\nmotors = ["x"]\n[[loop]]\nname = "a"\nframes = ["l0_link", "mast"]',
          'loop: unknown joint "x"'),

@@ -255,18 +255,18 @@ def _united(
 ) -> tuple[Effect, ...]:
     """Return effects of a kind with one for all that act along the same line: no recording tells these apart.
 
-    Their numbers, by kind and name where they are known, are summed there. Friction that is no sum stays by itself.
+    Numbers are summed there, by kind and name in `known`. Friction that is no such sum stays by itself.
     """
     kept = list[Effect]()
     for effect in effects:
         for other in kept:
             ratio = float(effect.combination @ other.combination / (other.combination @ other.combination))
-            parallel = np.allclose(effect.combination, ratio * other.combination, rtol=0.0, atol=1e-12)
-            factors = _summed_by(effect, other, ratio, coulomb_velocity) if parallel else None
-            if factors is not None:
-                for kind, factor in factors.items():
-                    if known is not None:
-                        known[kind, other.name] += factor * known[kind, effect.name]
+            if not np.allclose(effect.combination, ratio * other.combination, rtol=0.0, atol=1e-12):
+                continue
+            if (factors := _summed_by(effect, other, ratio, coulomb_velocity)) is not None:
+                for kind, factor in factors.items() if known else ():
+                    assert known is not None  # for the type checker
+                    known[kind, other.name] += factor * known[kind, effect.name]
                 break
         else:
             kept.append(effect)
@@ -274,15 +274,12 @@ def _united(
 
 
 def _summed_by(effect: Effect, other: Effect, ratio: float, coulomb_velocity: float) -> dict[str, float] | None:
-    """Return by which factors numbers along `ratio` times another effect's line add to its own; None where not so."""
-    if isinstance(effect, Friction) and isinstance(other, Friction):
-        terms = [FRICTION_TERMS[kind] for kind in effect.parts]
-        alike = effect.parts == other.parts and effect.recording == other.recording and coulomb_velocity == 0.0
-        if not alike or any(term.needs_course for term in terms):
-            return None
-        return {
-            term.kind: ratio * float(term.load(ratio, 0.0, 0.0, np) / term.load(1.0, 0.0, 0.0, np)) for term in terms
-        }
-    if isinstance(effect, Spring) and isinstance(other, Spring):
-        return None if effect.lever or other.lever else {"spring": ratio**2}
-    return {"motor_inertia": ratio**2}
+    """Return by which factors numbers along `ratio` times another's line add to its own; None if they do not."""
+    if not isinstance(effect, Friction):
+        sprung = [getattr(each, "lever", None) for each in (effect, other)]
+        return None if any(sprung) else {"spring" if isinstance(effect, Spring) else "motor_inertia": ratio**2}
+    terms = [FRICTION_TERMS[kind] for kind in effect.parts]
+    alike = (effect.parts, effect.recording) == (getattr(other, "parts", {}), getattr(other, "recording", ""))
+    if not alike or coulomb_velocity > 0.0 or any(term.needs_course for term in terms):
+        return None
+    return {term.kind: ratio * float(term.load(ratio, 0.0, 0.0, np) / term.load(1.0, 0.0, 0.0, np)) for term in terms}

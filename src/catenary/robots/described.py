@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from pydantic import Field, JsonValue
 
 from catenary.config import load_toml, parse_settings
@@ -17,7 +16,7 @@ from catenary.robots.actuation import Actuation, check_actuation
 from catenary.robots.assembly import file_source
 from catenary.robots.cut import couple_joints, cut_arm, lock_joints
 from catenary.robots.dh_table import CoordinateTable, coordinate_of
-from catenary.robots.loops import LoopSettings, close_loops
+from catenary.robots.loops import LoopSettings, close_loops, stated_places
 from catenary.robots.model import RobotModel
 
 XML_ENDINGS = (".urdf", ".xml", ".mjcf")  # of descriptions that may state shapes
@@ -73,14 +72,7 @@ def as_described(model: RobotModel, path: Path, table: DescribedRobot) -> RobotM
         if table.coordinate:
             given = [coordinate_of(str(path), c.name, c.unit, c) for c in table.coordinate]
             model = couple_joints(model, given, [c.moves for c in table.coordinate])
-        locked = {name: float(np.deg2rad(angle)) for name, angle in table.locked_deg.items()} | table.locked_m
-        for name in [*table.locked_deg, *table.locked_m]:
-            if name in model.joint_names:
-                unit = model.joint_units[model.joint_names.index(name)]
-                if (unit == "rad") != (name in table.locked_deg):
-                    raise InputError(
-                        f'"{name}" is in {unit}: expected {"locked_deg" if unit == "rad" else "locked_m"} for it'
-                    )
+        locked = stated_places(model, table.locked_deg, table.locked_m, "locked")
         if table.base is not None:
             model = cut_arm(model, table.base, table.tip or model.tip, locked=locked)
         elif locked:

@@ -3,9 +3,10 @@
 A loop is an open tree and points of two frames that stay together: r_a(q) = r_b(q). With A = d(r_a - r_b)/dq the
 passive joints move by A_p qd_p = -A_m qd_m, so qd = J qd_m, and by power the motors' torques are J^T times the tree's
 [Featherstone, Rigid Body Dynamics Algorithms, chapter 8]. Where J is constant, as of parallelograms, the robot is a
-tree with a coupling and all that the package does holds for it; others are `dynamics/closed_robot.py`'s.
+tree with a coupling and all that the package does holds for it; others are `gravity/closed_robot.py`'s.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -33,6 +34,17 @@ _DECIMALS = 12  # that are kept of a constant J: what lies below is rounding
 _PROBES = 12
 
 
+def stated_places(
+    model: RobotModel, degrees: Mapping[str, float], metres: Mapping[str, float], key: str
+) -> dict[str, float]:
+    """Return joints' places [rad or m] from a table's `{key}_deg` and `{key}_m`; refuse those in the other's unit."""
+    for name in [*degrees, *metres]:
+        unit = model.joint_units[model.joint_names.index(name)] if name in model.joint_names else ""
+        if unit and (unit == "rad") != (name in degrees):
+            raise InputError(f'"{name}" is in {unit}: expected {key}_{"deg" if unit == "rad" else "m"} for it')
+    return {name: float(np.deg2rad(angle)) for name, angle in degrees.items()} | dict(metres)
+
+
 class LoopTable(Settings):
     """A loop in a robot's table: a point of one frame is a point of another."""
 
@@ -58,7 +70,7 @@ class LoopSettings(Settings):
         before = model.loops or Loops((), (), np.zeros(model.n))
         loops = (*before.loops, *(Loop(each.name, each.frames, np.array(each.points_m)) for each in self.loop))
         place, known = before.assembled.copy(), dict(zip(model.joint_names, range(model.n), strict=True))
-        stated = {name: np.deg2rad(angle) for name, angle in self.assembled_deg.items()} | self.assembled_m
+        stated = stated_places(model, self.assembled_deg, self.assembled_m, "assembled")
         for name in (*self.motors, *stated):
             if name not in known:
                 raise InputError(f'loop: unknown joint "{name}"; joints: {", ".join(known)}')
