@@ -104,49 +104,35 @@ def test_wrong_tables_are_refused_by_name(load, text, said):
         load(telescope(), text)
 
 
+ROW = """
+[[link]]
+name = "{}"
+joint = "revolute"
+theta_deg = 0
+d_m = 0
+alpha_deg = {}
+a_m = {}
+mass_kg = {}
+com_m = {}
+"""
+LINKS = (
+    ("crank", 90, 0, 1.0, [0.1, 0.01, 0]),
+    ("coupler", 0, 0.2, 0.7, [0.25, 0, 0.02]),
+    ("rocker", 90, 0.5, 0.8, [0.15, 0, 0]),
+)
 ROWS = """
 name = "four_bar"
 convention = "modified"
 sources = ["assumed"]
 motors = ["crank"]
 {rest}
-
-[[link]]
-name = "crank"
-joint = "revolute"
-alpha_deg = 90
-a_m = 0
-d_m = 0
-theta_deg = 0
-mass_kg = 1.0
-com_m = [0.1, 0.01, 0]
-
-[[link]]
-name = "coupler"
-joint = "revolute"
-alpha_deg = 0
-a_m = 0.2
-d_m = 0
-theta_deg = 0
-mass_kg = 0.7
-com_m = [0.25, 0, 0.02]
-
-[[link]]
-name = "rocker"
-parent = "base"
-joint = "revolute"
-alpha_deg = 90
-a_m = 0.5
-d_m = 0
-theta_deg = 0
-mass_kg = 0.8
-com_m = [0.15, 0, 0]
+""" + "".join(ROW.format(*link) for link in LINKS) + """parent = "base"
 
 [[loop]]
 name = "pin"
 frames = ["coupler", "rocker"]
 points_m = [[0.5, 0, 0], [0.3, 0, 0]]
-"""
+"""  # fmt: skip
 # the same: frames of the rows turn about -y of the base
 SITE = '<site name="{}" pos="{} 0 0"/>'
 BARS = f"""<mujoco><compiler angle="radian"/><worldbody>
