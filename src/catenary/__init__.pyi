@@ -14,6 +14,8 @@ from catenary.control.inertia_pd import InertiaPD as InertiaPD
 from catenary.control.limits import TorqueLimits as TorqueLimits
 from catenary.control.loop import run_loop as run_loop
 from catenary.control.pd import JointPD as JointPD
+from catenary.control.servos import Servo as Servo
+from catenary.control.servos import servo_command as servo_command
 from catenary.crtk.client import CrtkClient as CrtkClient
 from catenary.dynamics.external_torque import MomentumObserver as MomentumObserver
 from catenary.dynamics.external_torque import external_torque as external_torque
@@ -32,6 +34,7 @@ from catenary.dynamics.torque_derivatives import torque_derivatives as torque_de
 from catenary.dynamics.torque_regressor import torque_regressor as torque_regressor
 from catenary.errors import CatenaryError as CatenaryError
 from catenary.errors import DataError as DataError
+from catenary.gravity.closed_robot import load_closed_robot as load_closed_robot
 from catenary.gravity.compact_regressor import compact_regressor as compact_regressor
 from catenary.gravity.estimator import GravityEstimator as GravityEstimator
 from catenary.gravity.export import export_function as export_function

@@ -167,8 +167,6 @@ def test_an_inactive_equality_is_left_out_and_noted(load):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (arm(rest=EQUALITY.format('<connect name="loop" body1="hand" anchor="0 0 0"/>')),
-         'equality "loop" (connect): a loop cannot be represented by a tree'),
         (arm(rest=EQUALITY.format('<weld body1="hand" body2="upper"/>')), 'equality "equality0" (weld): a loop'),
         (arm(rest='<tendon><fixed name="t"><joint joint="elbow" coef="1"/></fixed></tendon>' + EQUALITY.format('<tendon tendon1="t"/>')),
          "(tendon): a loop"),

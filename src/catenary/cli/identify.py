@@ -59,6 +59,7 @@ class IdentificationOptions:
     prior: bool = option(None, "Pull masses towards those of the robot's file.", True, flag="--prior/--no-prior")
     rotors: Numbers | None = option("J,J,...", "Known rotor inertias at the joints, kg m2, kg. [default: identified]")
     no_rotors: bool = option(None, "No rotors but those of the robot's file.", False, not_with="rotors")
+    base_sensor: Triple | None = option("X,Y,Z", "Accelerometer's place in the base, m. [default: its origin]")
     blocks: float | None = option("S", "Hold out every second block of S seconds (static: S rows).")
 
     def under(self, gravity: "Floats") -> "IdentifyOptions":
@@ -69,6 +70,8 @@ class IdentificationOptions:
         asked: dict[str, Any] = values_of(
             self, "terms", "cutoff_hz", "weighting", "consistent", "prior", "rotors", "blocks"
         )
+        if self.base_sensor is not None:
+            asked["base_sensor"] = self.base_sensor
         return IdentifyOptions(
             gravity=cast(Any, tuple(gravity.tolist())), find_rotors=not self.no_rotors,
             friction=FRICTION_PARTS if named is None else named, **asked,

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, as_not_negative, one_for_all
 from catenary.control.gains import DrivenJoints
 from catenary.control.pd import Damping, JointPD, gravity_and_rates, nominal_gravity
 from catenary.dynamics.robot_kernels import holding_kernel
@@ -18,16 +18,22 @@ from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import Reference
 
+_SLOW = {"rad": 0.02, "m": 0.005}  # [rad/s, m/s] v0: below it friction is helped over in part
+
 
 class GravityHold:
     """Gravity compensation alone: the arm stays wherever it is put; the reference is not looked at.
 
-    [The paper, section IV: "passive pose compensator"]
+    [The paper, section IV: "passive pose compensator"] Friction f is helped over by f v / max(|v|, v0) in the direction
+    of the motion that is meant: v is the hand's here, as measured, and of less than the joint's own friction a part of
+    it is left, so that nothing moves by itself. `GravityPD` takes the reference's, which no error can turn back and
+    forth: no limit cycle follows, however large f.
     """
 
-    def __init__(self, model: RobotModel, *, gravity: ArrayLike | None = None) -> None:
-        """Take the robot, and a nominal vector (3,) in base axes [m/s2]; None takes the sensed one."""
-        self.model = model
+    def __init__(self, model: RobotModel, *, gravity: ArrayLike | None = None, friction: ArrayLike = 0.0) -> None:
+        """Take the robot, a nominal vector (3,) in base axes [m/s2], the sensed one when None, and f (n,) [Nm|N]."""
+        self.model, self.friction = model, as_not_negative("friction", one_for_all(friction, model.n), (model.n,))
+        self._slow = np.array([_SLOW[unit] for unit in model.joint_units])
         self.gravity = nominal_gravity(gravity)
         self._holding_torque = holding_kernel(model)
         self.feedback, self.feedforward = np.zeros(model.n), np.zeros(model.n)
@@ -36,7 +42,13 @@ class GravityHold:
         """Return the torques (n,) [Nm|N] that gravity asks for at the measured position."""
         if len(state.q) != self.model.n:
             raise InputError(f"gravity hold: the model has {self.model.n} joints, the robot has {len(state.q)}")
+        return self._held(state, state.qd)
+
+    def _held(self, state: JointState, meant: Floats) -> Floats:
+        """Return the torques of gravity, and of friction against a motion that is meant, (n,) [rad/s or m/s]."""
         self.feedforward[:] = self._holding_torque(state.q, *gravity_and_rates(state, self.gravity))
+        if self.friction.any():  # a velocity that does not count must not bring in its NaN
+            self.feedforward += self.friction * meant / np.maximum(np.abs(meant), self._slow)
         return self.feedforward.copy()
 
 
@@ -55,6 +67,7 @@ class GravityPD(GravityHold):
         *,
         gravity: ArrayLike | None = None,
         damping: Damping = "relative",
+        friction: ArrayLike = 0.0,
     ) -> None:
         """Take the robot, with inertia, and the gains, and compile.
 
@@ -62,14 +75,15 @@ class GravityPD(GravityHold):
             kp: (n,) stiffness [Nm/rad|N/m]; kd: (n,) damping [Nms/rad|Ns/m].
             gravity: (3,) nominal vector in base axes [m/s2]: PD+SG; None takes the sensed one: PD+DG.
             damping: "absolute" leaves qd_ref out.
+            friction: (n,) Coulomb friction to help over [Nm|N], in the direction of qd_ref.
         """
         self.pd = JointPD(kp, kd, damping=damping, n=model.n)
-        super().__init__(model, gravity=gravity)
+        super().__init__(model, gravity=gravity, friction=friction)
         self.feedback = self.pd.feedback
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Return torques (n,) [Nm|N]; NaN where something that they depend on is."""
-        return self.pd.torque(state, reference) + super().torque(state, reference)
+        return self.pd.torque(state, reference) + self._held(state, reference.qd)
 
 
 class GravityLearner(Protocol):

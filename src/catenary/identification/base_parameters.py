@@ -40,7 +40,6 @@ TILTED = (
     float(-STANDARD_GRAVITY * np.cos(np.deg2rad(30))),
 )
 Identifiability = Literal["alone", "combined", "none"]  # by itself; with others; not at all
-Base = Literal["still", "tilted", "turning"]
 Columns = NDArray[np.int64]
 
 
@@ -108,29 +107,30 @@ def base_parameters(
     recorded: tuple[Floats, Floats, Floats],
     rng: np.random.Generator,
     *,
-    base: Base = "still",
+    on_base: Floats | None = None,
 ) -> BaseParameters:
     """Find the base parameters on random and recorded motion together, the best conditioned columns first.
 
-    Gravity is (3,) [m/s2] in base axes, `recorded` q, qd, qdd, (N, n) each. Base "still": gravity is the same all the
-    time; "tilted": its direction varies; "turning": the base also turns while it is recorded.
+    Gravity is (3,) [m/s2] in base axes, `recorded` q, qd, qdd, (N, n) each. `on_base` (M, 3, 3) has gravity, angular
+    velocity and acceleration of a base that moves, as recorded: random motion meets rows of it, and shows no more of
+    the base than these do. At rest when None.
     """
     model = parameters.model
     size = (_RANDOM_ROWS, model.n)
     static = parameters.terms == "static"
+    moves = (model.upper > model.lower) & (not static)  # base joints are held
     random = [
         random_configurations(model, _RANDOM_ROWS, rng),
-        np.zeros(size) if static else rng.normal(scale=2.0, size=size),
-        np.zeros(size) if static else rng.normal(scale=10.0, size=size),
+        rng.normal(scale=2.0, size=size) * moves,
+        rng.normal(scale=10.0, size=size) * moves,
     ]
     some = spread(len(recorded[0]), _RANDOM_ROWS)
     motion = [np.concatenate([a, b[some]]) for a, b in zip(random, recorded, strict=True)]
     rows = len(motion[0])
     down, turning = gravity, None
-    if base != "still":
-        down = random_gravity(rows, rng, float(np.linalg.norm(gravity)))
-    if base == "turning" and not static:
-        turning = BaseMotion(rng.normal(size=(rows, 3)), rng.normal(scale=5.0, size=(rows, 3)))
+    if on_base is not None:
+        down, omega, alpha = on_base[rng.integers(len(on_base), size=rows)].swapaxes(0, 1)
+        turning = BaseMotion(omega, alpha)
     Y = parameters.regressor(motion[0], motion[1], motion[2], down, base=turning)
     return _reduced(parameters, Y.reshape(-1, len(parameters.names)), None)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -17,23 +19,28 @@ from catenary.dynamics.inverse_dynamics import motion_rows
 from catenary.dynamics.torque_regressor import PER_LINK, link_parameters, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification import residuals
-from catenary.identification.base_parameters import Base, BaseParameters, base_parameters
+from catenary.identification.base_parameters import BaseParameters, base_parameters
 from catenary.identification.consistency import consistent_fit, likeliest_prior, unseen_of
 from catenary.identification.drive_gains import DriveGains, drive_gains
 from catenary.identification.friction_choice import FrictionPart, choose_friction
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, known_rotors, rotors_beside
 from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
+from catenary.identification.moving_base import moving_base_notes
 from catenary.identification.parameters import Parameters
-from catenary.identification.samples import Samples, alternate_blocks, prepare
+from catenary.identification.samples import Samples, alternate_blocks, prepare, with_base_wrench
 from catenary.plant import MotionLog
 from catenary.robots.actuation import Actuation, MotorInertia
+from catenary.robots.base_joints import BASE_JOINTS
+from catenary.robots.cut import driven_actuation
 from catenary.robots.model import RobotModel
 from catenary.tables import Column, OnScreen, Screen, Table, joint_columns
 
+_log = logging.getLogger(__name__)
 _TILTING_SHARE = 0.02  # of gravity: recordings in which its direction varies by less are of one base
 _STILL = 1e-3  # [rad, m] by which a joint moves that no recording shows
 ROTOR_SHARE = 0.4  # of a joint's torque, that a rotor asks for beforehand
 _HIDDEN_SHARE = 0.5  # of what was thought beforehand of a rotor: a larger deviation, and recordings do not show it
+_CONTRADICTED_RATIO = 1.5  # of a joint's residual with the wrench under the base to that without
 _LOAD_ROUNDS = 3  # of fitting friction that grows with the load, which the fit itself tells
 
 
@@ -184,6 +191,13 @@ class Identification(OnScreen):
         heard = carrying(self.base, self.beta, [samples])[0]
         return np.concatenate([Y @ self.beta for _, Y in self.base.chunks(heard)])
 
+    def base_notes(self, samples: Sequence[Samples]) -> list[str]:
+        """Return notes on recordings whose base moved, and that do not hold how; see `moving_base_notes`."""
+        if self.phi is None or self.options.terms == "static":
+            return []
+        left = [part.tau - self.predict_samples(part) for part in samples]
+        return moving_base_notes(self.model, link_parameters(self.robot().tree), samples, left)
+
     def robot(self) -> RobotModel:
         """Return the robot with the identified inertia, friction, rotors and springs, and what it carried.
 
@@ -264,7 +278,59 @@ def identify(
     if not logs:
         raise InputError("identify: expected at least one recording")
     samples, held_out = prepared(logs, tests, model, options)
-    return identify_samples(samples, model, options).test(held_out)
+    found = identify_logs(logs, samples, model, options).test(held_out)
+    for note in found.base_notes([*samples, *held_out]):
+        _log.warning("%s", note)
+    return found
+
+
+def identify_logs(
+    logs: Sequence[MotionLog], samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions
+) -> Identification:
+    """Identify from recordings and what `prepared` made of them, by the wrench under the base too where they hold it.
+
+    Raises:
+        InputError: A wrench by which the joints' torques are predicted worse than without it.
+    """
+    on_base = with_base_wrench(model, logs)
+    if on_base is model:
+        return identify_samples(samples, model, options)
+    held = prepared(logs, (), on_base, options, within_limits=False)[0]
+    found = _of_arm(identify_samples(held, on_base, options), model, samples)
+    with suppress(ExcitationError):
+        alone = identify_samples(samples, found.model, replace(options, friction=()))
+        for part, other in zip(found.training, alone.training, strict=True):
+            if (worse := part.rms > _CONTRADICTED_RATIO * other.rms).any():
+                raise InputError(
+                    f'recording "{part.log}": base_force and base_moment contradict the torques of joint '
+                    f"{model.joint_names[int(np.argmax(worse))]}: expected N and Nm that hold the base, in base axes, "
+                    "about the base's origin"
+                )
+    return found
+
+
+def _of_arm(found: Identification, model: RobotModel, samples: Sequence[Samples]) -> Identification:
+    """Return what was identified on base joints as the arm's own, whose parameters are some of these."""
+    full, first = found.base.parameters, len(BASE_JOINTS)
+    own = np.eye(full.model.n)[:, first:]
+    actuation = driven_actuation(model.name, actuation_of(full.model), own, np.zeros(full.model.n))
+    parameters, motion = Parameters(replace(model, actuation=actuation), full.terms), _motion(samples)
+    rng, gravity = np.random.default_rng(found.options.seed), np.array(found.options.gravity)
+    base = base_parameters(parameters, gravity, motion, rng, on_base=_base_of(samples)[0])
+    among = np.array([[name == other for other in full.names] for name in parameters.names], dtype=float)
+    onto = base.combination @ among @ np.linalg.pinv(found.base.combination)
+    seen = found.seen and residuals.MovedRange(*(getattr(found.seen, k)[first:] for k in ("low", "high", "speed")))
+    result = replace(
+        found, base=base, beta=onto @ found.beta, covariance=onto @ found.covariance @ onto.T, rank=base.count,
+        weights=found.weights[first:], phi=None if found.phi is None else among @ found.phi, seen=seen,
+    )  # fmt: skip
+    return replace(result, training=tuple(result.compare(part) for part in samples))
+
+
+def _motion(samples: Sequence[Samples]) -> tuple[Floats, Floats, Floats]:
+    """Return q, qd and qdd (N, n) of all recordings."""
+    q, qd, qdd = (np.concatenate([getattr(part, key) for part in samples]) for key in ("q", "qd", "qdd"))
+    return q, qd, qdd
 
 
 def prepared(
@@ -330,9 +396,10 @@ def _fit(
     samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions, like: Identification | None = None
 ) -> Identification:
     """Fit with friction as the model has it, and axes weighted as in another fit, if there is one."""
-    q, qd, qdd = (np.concatenate([getattr(part, key) for part in samples]) for key in ("q", "qd", "qdd"))
+    q, qd, qdd = _motion(samples)
     rng, parameters = np.random.default_rng(options.seed), Parameters(model, options.terms)
-    base = base_parameters(parameters, np.array(options.gravity), (q, qd, qdd), rng, base=_base_in(samples))
+    on_base, moved_base = _base_of(samples)
+    base = base_parameters(parameters, np.array(options.gravity), (q, qd, qdd), rng, on_base=on_base)
     loaded = like is not None and any(term.grows_with_load for term in base.parameters.actuation)
     weights = None if like is None else like.weights
     known = {} if like is None else dict(zip(like.base.names, like.beta, strict=True))
@@ -361,7 +428,7 @@ def _fit(
     result = Identification(
         base, beta, covariance(reduced, weights, beta), options, weights, rank, condition, training=(), phi=phi,
         seen=residuals.MovedRange(q.min(axis=0), q.max(axis=0), residuals.rms(qd)),
-        moved_base=_base_in(samples) != "still", prior=drawn is not None,
+        moved_base=moved_base, prior=drawn is not None,
     )  # fmt: skip
     hidden = tuple(
         base.parameters.actuation_at(int(base.columns[k])).name
@@ -391,17 +458,18 @@ def carrying(base: BaseParameters, beta: Floats, samples: Sequence[Samples]) -> 
     return [replace(part, carried=part.known + each) for part, each in zip(samples, asked, strict=True)]
 
 
-def _base_in(samples: Sequence[Samples]) -> Base:
-    """Return what recordings show of the base: whether gravity turns in them, and the base with it."""
-    if any(part.base is not None for part in samples):
-        return "turning"
-    rows = [part.gravity for part in samples if part.holds_gravity]
-    if not rows:
-        return "still"
-    directions = np.concatenate(rows)
-    directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+def _base_of(samples: Sequence[Samples]) -> tuple[Floats | None, bool]:
+    """Return recorded gravity and rates of the base (N, 3, 3), if any, and whether gravity turns in its axes."""
+    if not any(part.holds_gravity for part in samples):
+        return None, False
+    parts = []
+    for part in samples:
+        turning = np.zeros((len(part), 2, 3)) if part.base is None else part.base
+        parts.append(np.concatenate([np.broadcast_to(part.gravity, (len(part), 3))[:, None], turning], axis=1))
+    rows = np.concatenate(parts)
+    directions = rows[:, 0] / np.linalg.norm(rows[:, 0], axis=1, keepdims=True)
     spread = float(np.sqrt(np.mean(np.sum((directions - directions.mean(axis=0)) ** 2, axis=1))))
-    return "tilted" if spread > _TILTING_SHARE else "still"
+    return rows, spread > _TILTING_SHARE
 
 
 def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats, still: Sequence[str]) -> str:

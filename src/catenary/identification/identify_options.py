@@ -10,6 +10,7 @@ from catenary.arrays import Floats
 from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.robots.actuation import Actuation, MotorInertia, SignalFilter, Weighting, default_actuation
+from catenary.robots.base_joints import BASE_JOINTS
 from catenary.robots.friction_terms import FRICTION_PARTS
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
@@ -26,6 +27,7 @@ class IdentifyOptions:
 
     terms: Terms = "full"  # full dynamics, or poses at rest: gravity, constants and springs
     gravity: tuple[float, float, float] = _NOMINAL_GRAVITY  # [m/s2] in base axes
+    base_sensor: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] in base axes: where recorded gravity was felt
     cutoff_hz: float | None = None
     weighting: Weighting | None = None
     consistent: bool = True  # only parameters that bodies and friction can have
@@ -77,7 +79,7 @@ def rotors_beside(model: RobotModel) -> tuple[MotorInertia, ...]:
     return tuple(
         MotorInertia(name, row)
         for i, (name, row) in enumerate(zip(model.joint_names, rows, strict=True))
-        if not any(rotor.combination[i] for rotor in own)
+        if name not in BASE_JOINTS and not any(rotor.combination[i] for rotor in own)
     )
 
 

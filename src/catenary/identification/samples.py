@@ -1,16 +1,18 @@
 """From a recording to filtered positions, velocities, accelerations and torques, checked to be of the robot.
 
 Gravity and the base's turning are signals of a recording, row by row. `gravity:x`, `:y`, `:z` [m/s2] is free fall less
-the acceleration of the base's origin, in base axes, as an accelerometer there reads it, negated. `base_rate:x` ...
+the acceleration of the base's origin, in base axes, as an accelerometer there reads it, negated; that of one elsewhere
+(`IdentifyOptions.base_sensor`) is brought there by the base's turning. `base_rate:x` ...
 [rad/s] is the base's angular velocity, `base_acceleration:x` ... [rad/s2] its derivative; where that is missing it is
-computed from the rate.
+computed from the rate. `base_force:x` ... [N] and `base_moment:x` ... [Nm], about the base's origin, are what a sensor
+under the base measures that holds it: six more axes of the robot (`robots/base_joints.py`).
 
 Friction needs more of a recorded motion than the row at hand. Torques are filtered, so a step of Coulomb friction that
 they hold is rounded: the column it is fitted with passes the same filter. Presliding friction depends on the path since
 the last reversals. Both are computed over the whole recording before rows are left out.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import pairwise
@@ -26,8 +28,9 @@ from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, known_rotors
 from catenary.kernels.compiled import compiled
-from catenary.plant import MotionLog
+from catenary.plant import Joints, MotionLog
 from catenary.robots.actuation import SignalFilter
+from catenary.robots.base_joints import BASE_JOINTS, on_base_joints
 from catenary.robots.friction_terms import FrictionTerm
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
@@ -74,15 +77,36 @@ _CLOSE_CORRELATION, _ALIKE_SPREAD, _OTHER_DISTANCE = 0.99, 0.02, 0.03
 
 def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
     """Return a recording with its joints in the robot's order, refused where it has no torques."""
-    log = log.of_robot(model, model.name)
+    log = of_model(log, model)
     if log.tau is None:
         raise InputError(f'recording "{log.name}": has no torques (`tau`), which dynamics are identified from')
     return log
 
 
+def of_model(log: MotionLog, model: RobotModel) -> MotionLog:
+    """Return a recording with its joints in a robot's order; on base joints with the wrench that it holds."""
+    if BASE_JOINTS[0] not in model.joint_names or BASE_JOINTS[0] in log.joint_names:
+        return log.of_robot(model, model.name)
+    own = Joints(model.joint_names[len(BASE_JOINTS) :], model.joint_units[len(BASE_JOINTS) :])
+    log, still = log.of_robot(own, model.name), np.zeros((len(log), len(BASE_JOINTS)))
+    force, moment = (_vector(log, name) for name in ("base_force", "base_moment"))
+    if force is None or moment is None:
+        raise InputError(f'recording "{log.name}": has no base_force and base_moment, which others have: expected both')
+    added = {"q_nominal": still, "qd": still, "tau": np.column_stack([force, moment])}
+    arrays = {key: np.hstack([new, had]) for key, new in added.items() if (had := getattr(log, key)) is not None}
+    changes: dict[str, Any] = arrays | {key: getattr(model, key) for key in ("joint_names", "joint_units")}
+    return replace(log, q_encoder=None, q_reported=None, **changes)
+
+
+def with_base_wrench(model: RobotModel, logs: Sequence[MotionLog]) -> RobotModel:
+    """Return a robot on base joints where a recording holds the wrench under its base."""
+    held = any(f"{name}:x" in log.signals for log in logs for name in ("base_force", "base_moment"))
+    return on_base_joints(model) if held else model
+
+
 def check_positions(log: MotionLog, model: RobotModel) -> None:
     """Refuse a recording whose positions the robot's joints cannot have."""
-    where, log = f'recording "{log.name}"', log.of_robot(model, model.name)
+    where, log = f'recording "{log.name}"', of_model(log, model)
     low, high = limits_of(log, model, MAX_POSITIONS)
     least, most = log.q_nominal.min(axis=0), log.q_nominal.max(axis=0)
     for i in np.flatnonzero((least < low) | (most > high)):
@@ -262,7 +286,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
     stretches, gaps = _stretches(log, settings)
     grids = [(part, *_grid(log.time[part])) for part in stretches]
     used = [grid for grid in grids if len(grid[1]) >= 2 * _cut_rows(settings, grid[2]) + _MIN_ROWS_LEFT]
-    parts = [_segment(log, *grid, settings) for grid in used]
+    parts = [_segment(log, *grid, settings, options.base_sensor) for grid in used]
     if not parts:
         longest, even, step = max(grids, key=lambda grid: len(grid[1]))
         between = f", between {len(gaps)} gap(s) in time" if len(gaps) else ""
@@ -337,7 +361,9 @@ def _grid(time: Floats) -> tuple[Floats, float]:
     return time, step
 
 
-def _segment(log: MotionLog, part: slice, even: Floats, step: float, settings: SignalFilter) -> dict[str, Floats]:
+def _segment(
+    log: MotionLog, part: slice, even: Floats, step: float, settings: SignalFilter, sensor: tuple[float, float, float]
+) -> dict[str, Floats]:
     """Return the signals of a stretch by name, on even times, filtered, with their derivatives; not yet cut."""
     assert log.time is not None
     recorded: dict[str, Floats | None] = {"q": log.q_nominal, "tau": log.tau, "qd": log.qd, **base_of(log)}
@@ -360,6 +386,9 @@ def _segment(log: MotionLog, part: slice, even: Floats, step: float, settings: S
     if (rate := made.get("base_rate")) is not None:
         turning = made["base_acceleration"] if "base_acceleration" in made else np.gradient(rate, step, axis=0)
         made["base"] = np.stack([rate, turning], axis=1)
+        made["gravity"] += np.cross(turning, sensor) + np.cross(rate, np.cross(rate, sensor))
+    elif np.any(sensor):
+        raise InputError(f'recording "{log.name}": has no base_rate, which base_sensor away from the origin needs')
     return made | {"time": even}
 
 

@@ -117,9 +117,10 @@ def read_torque_log(
 
     Arrays of the `.npz`: `q` (N, n) in rad and m, `tau` (N, n) in Nm and N, `dq` (N, n) if recorded, and `fs` [Hz] or
     `t` (N,) [s] if the robot moves. `gravity` (N, 3) [m/s2], `base_rate` [rad/s] and `base_acceleration` [rad/s2], in
-    base axes, where the base tilts or turns. `effort` or `current` (N, n) in place of `tau` is what the robot reports
-    raw; the robot's file then gives the torque per unit of it. Joints are put into the robot's order; where only some
-    `joints` are wanted, others may be missing, and all stay in the file's order. It is mended as `trained` ones were.
+    base axes, where the base tilts or turns, `base_force` [N] and `base_moment` [Nm] that hold it. `effort` or
+    `current` (N, n) in place of `tau` is what the robot reports raw; the robot's file then gives the torque per unit of
+    it. Joints are put into the robot's order; where only some `joints` are wanted, others may be missing, and all stay
+    in the file's order. It is mended as `trained` ones were.
     """
     reading = reading if reading is not None else Reading()
     mapping, ending = reading.mapping, format_of(path).ending

@@ -47,7 +47,8 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
     Raises:
         FileFormatError: Unknown name, missing file, or a file of another kind.
         InputError: `massless` names a link that does not exist or has a mass; strict, and the model has doubts.
-        UnsupportedModelError: The file holds what a tree of one-coordinate joints cannot represent.
+        UnsupportedModelError: The file holds what a tree of one-coordinate joints cannot represent, such as a loop
+            whose joints do not follow its motors linearly (`load_closed_robot`).
     """
     name = str(source)
     if isinstance(source, str) and source.lstrip().startswith("<"):
@@ -75,14 +76,24 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
 
 def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
     """Load a robot from a `.toml`, `.urdf`, `.xml` (URDF or MJCF), `.mjcf`, `.json` or `.npz` file."""
+    model = load_open(path, massless=massless)
+    if model.loops is None:
+        return model
+    from catenary.robots.loops import close_loops
+
+    return close_loops(model)
+
+
+def load_open(path: Path, *, massless: Massless = ()) -> RobotModel:
+    """Load a robot as `load_file` does, whose loops are still open where it has some."""
     kind = path.suffix.lower()
     if kind == ".toml":
-        from catenary.robots.cut import as_described, described_table, description_of
+        from catenary.robots.described import as_described, described_table, description_of
 
         if (described := described_table(path)) is not None:
             description, chosen = description_of(path, described.description), massless or described.massless
             if described.instrument is None:
-                return as_described(load_file(description, massless=chosen), path, described)
+                return as_described(load_open(description, massless=chosen), path, described)
             from catenary.robots.dvrk_files import load_dvrk
 
             instrument = description_of(path, described.instrument)

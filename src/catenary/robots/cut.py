@@ -1,24 +1,19 @@
-"""A robot with some joints locked, an arm cut out of a scene or humanoid, and robot tables beside a description.
-
-Such a table states what a URDF, MJCF or a dVRK's JSON lacks, actuation above all, or which arm of it is meant.
-"""
+"""A robot in other coordinates: joints locked, an arm cut out of a scene or humanoid, several joints on one motor."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from pydantic import Field, JsonValue
 
 from catenary.arrays import Floats, as_array
-from catenary.config import Settings, load_toml, parse_settings
-from catenary.documents import MOST_TOML, read_bounded, toml_table
-from catenary.errors import ConfigError, FileFormatError, InputError
-from catenary.robots.actuation import Actuation, Effect, KnownTorque, Spring, actuation_terms, check_actuation
-from catenary.robots.assembly import Folded, JointKind, Link, file_source, fold, tree_of
+from catenary.errors import InputError
+from catenary.robots.actuation import Actuation, Effect, Friction, KnownTorque, Spring, actuation_terms
+from catenary.robots.assembly import Coordinate, Folded, JointKind, Link, fold, tree_of
+from catenary.robots.friction_terms import FRICTION_TERMS
 from catenary.robots.link_inertia import LinkInertia
 from catenary.robots.model import BASE, Frame, RobotModel
+from catenary.robots.plausible import check_different
 from catenary.spatial import Pose, identity_pose, rotation_from_vector
 
 _ROOT = ""  # no link's name
@@ -33,7 +28,7 @@ def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
 
     Raises:
         InputError: An unknown coordinate, all of them, a value outside the limits or not finite, or as
-            `held_actuation`.
+            `driven_actuation`.
     """
     where = f'robot "{model.name}": lock'
     for name, value in locked.items():
@@ -47,46 +42,116 @@ def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
             )
     free = [k for k, name in enumerate(model.joint_names) if name not in locked]
     held = np.array([locked.get(name, 0.0) for name in model.joint_names])
-    coupling, offset = model.coupling[:, free], model.offset + model.coupling @ held
+    notes = [f"locked: {', '.join(f'{n} at {v:g}' for n, v in locked.items())}"] if locked else []
+    return driven_by(where, model, own_coordinates(model, free), np.eye(model.n)[:, free], held, notes)
+
+
+def own_coordinates(model: RobotModel, places: Sequence[int]) -> list[Coordinate]:
+    """Return some of a robot's coordinates with their limits."""
+    columns = model.joint_names, model.joint_units, model.lower, model.upper, model.velocity_limit, model.effort_limit
+    rows = list(zip(*(np.asarray(column).tolist() for column in columns), strict=True))
+    return [Coordinate(*rows[k]) for k in places]
+
+
+def couple_joints(
+    model: RobotModel, coordinates: Sequence[Coordinate], moves: Sequence[Mapping[str, float]]
+) -> RobotModel:
+    """Return the robot with joints that move together: coordinate k moves each joint of moves[k] by so much per unit.
+
+    The new coordinates stand where the first of their joints stood; joints that none moves stay coordinates.
+
+    Raises:
+        InputError: A joint that is none of the robot's coordinates, or a name that another keeps.
+    """
+    where = f'robot "{model.name}": coordinate'
+    driven = np.zeros((model.n, len(coordinates)))
+    for k, (c, moved) in enumerate(zip(coordinates, moves, strict=True)):
+        for name, factor in moved.items():
+            if name not in model.joint_names:
+                raise InputError(f'{where} "{c.name}": moves no joint "{name}"; joints: {", ".join(model.joint_names)}')
+            driven[model.joint_names.index(name), k] = float(as_array(f'{where} "{c.name}": {name}', factor, ()))
+    own = [k for k in range(model.n) if not driven[k].any()]
+    columns = np.hstack([driven, np.eye(model.n)[:, own]])
+    every, first = [*coordinates, *own_coordinates(model, own)], np.argmax(columns != 0.0, axis=0)
+    order = sorted(range(len(every)), key=lambda k: int(first[k]))
+    named = [every[k] for k in order]
+    check_different(where, [c.name for c in named])
+    notes = [f"moves together by {c.name}: {', '.join(m)}" for c, m in zip(coordinates, moves, strict=True)]
+    return driven_by(where, model, named, columns[:, order], np.zeros(model.n), notes)
+
+
+def driven_by(
+    where: str,
+    model: RobotModel,
+    coordinates: Sequence[Coordinate],
+    driven: Floats,
+    held: Floats,
+    notes: Sequence[str] = (),
+) -> RobotModel:
+    """Return the robot in other coordinates, of which its own are driven @ q + held; links that stand are folded in.
+
+    Torques are the robot's own by the transpose, and so is what loads its joints.
+
+    Args:
+        where: Opens errors.
+        coordinates: The m new ones, of which each moves a joint.
+        driven: (n, m).
+        held: (n,) [rad or m].
+        notes: What the model's notes say of it.
+    """
+    coordinates = [_within_joints(c, model, driven[:, k], driven, held) for k, c in enumerate(coordinates)]
+    coupling, offset = model.coupling @ driven, model.offset + model.coupling @ held
     moving = [i for i in range(len(offset)) if coupling[i].any()]
     if not moving:
         raise InputError(f"{where}: no joint is left that moves; expected at least one")
     folded = _folded(model, moving, offset)
     carriers, tree = [folded.carrier[name] for name in model.link_names], tree_of(folded)
-    names = tuple(model.link_names[i] for i in moving)
+    links, names = tuple(model.link_names[i] for i in moving), tuple(c.name for c in coordinates)
 
-    def whose(links: tuple[str, ...]) -> tuple[str, ...]:
-        kept = {carriers[model.link_names.index(link)].link for link in links}
-        return tuple(name for k, name in enumerate(names) if k in kept)
+    def whose(links_before: tuple[str, ...]) -> tuple[str, ...]:
+        kept = {carriers[model.link_names.index(link)].link for link in links_before}
+        return tuple(name for k, name in enumerate(links) if k in kept)
 
     frames = {
         name: frame if frame.link < 0 else Frame((on := carriers[frame.link]).link, on.pose @ frame.pose)
         for name, frame in model.frames.items()
     }
-    per_joint = {key: getattr(model, key)[free] for key in ("lower", "upper", "velocity_limit", "effort_limit")}
     return replace(
         model,
-        joint_names=tuple(model.joint_names[k] for k in free),
-        joint_units=tuple(model.joint_units[k] for k in free),
-        link_names=names,
+        joint_names=names,
+        joint_units=tuple(c.unit for c in coordinates),
+        link_names=links,
         tree=tree,
         coupling=coupling[moving],
         offset=offset[moving],
-        **per_joint,
+        lower=np.array([c.lower for c in coordinates]),
+        upper=np.array([c.upper for c in coordinates]),
+        velocity_limit=np.array([c.velocity for c in coordinates]),
+        effort_limit=np.array([c.effort for c in coordinates]),
         frames=frames,
         missing_inertia=whose(model.missing_inertia),
         missing_tensor=whose(model.missing_tensor),
         massless=tuple(
-            name for name, mass in zip(names, tree.mass, strict=True) if mass == 0.0 and name in model.massless
+            name for name, mass in zip(links, tree.mass, strict=True) if mass == 0.0 and name in model.massless
         ),
         axes_of_com=np.array(folded.axes_of_com),
         closed_form=None,
-        actuation=None if model.actuation is None else held_actuation(where, model.actuation, free, held),
+        actuation=None if model.actuation is None else driven_actuation(where, model.actuation, driven, held),
         unseen=(),
         without_payload=None,
-        file_order=tuple(name for name in model.file_order if name not in locked),
-        notes=(*model.notes, *([f"locked: {', '.join(f'{n} at {v:g}' for n, v in locked.items())}"] if locked else [])),
+        file_order=tuple(name for name in model.file_order if name in names),
+        loops=None,
+        notes=(*model.notes, *notes),
     )
+
+
+def _within_joints(c: Coordinate, model: RobotModel, moves: Floats, driven: Floats, held: Floats) -> Coordinate:
+    """Return a coordinate within the limits of the joints that it alone moves, by `moves` (n,) times itself."""
+    for i in np.flatnonzero((moves != 0.0) & (np.count_nonzero(driven, axis=1) == 1)):
+        lower, upper = sorted(float(end - held[i]) / float(moves[i]) for end in (model.lower[i], model.upper[i]))
+        velocity = float(model.velocity_limit[i]) / abs(float(moves[i]))
+        c = replace(c, lower=max(c.lower, lower), upper=min(c.upper, upper), velocity=min(c.velocity, velocity))
+    return c
 
 
 def cut_arm(model: RobotModel, base: str, tip: str, *, locked: Mapping[str, float] | None = None) -> RobotModel:
@@ -146,19 +211,19 @@ def _folded(model: RobotModel, moving: list[int], offset: Floats) -> Folded:
     return fold(links, _ROOT)
 
 
-def held_actuation(where: str, actuation: Actuation, free: Sequence[int], held: Floats) -> Actuation:
-    """Return what acts on the coordinates that are free, the others held at `held` (n,), zero of the free ones.
+def driven_actuation(where: str, actuation: Actuation, driven: Floats, held: Floats) -> Actuation:
+    """Return what loads a robot's joints along other coordinates, of which its own are driven (n, m) @ q + held (n,).
 
-    Lever springs and known torques that both move go on from where the held ones stand.
+    Lever springs and known torques go on from where what is held stands; linear springs refuse to.
     """
     kept: dict[str, tuple[Effect, ...]] = {}
     for kind in ("friction", "motor_inertia", "springs", "known_torques"):
         effects = list[Effect]()
         for effect in getattr(actuation, kind):
-            shift, change = float(effect.combination @ held), dict[str, Any](combination=effect.combination[free])
+            shift, change = float(effect.combination @ held), dict[str, Any](combination=effect.combination @ driven)
             if isinstance(effect, KnownTorque):
                 of_rest = np.poly1d(effect.polynomial)(np.poly1d([1.0, shift]))
-                change |= {"along": effect.along[free], "polynomial": np.atleast_1d(of_rest.coeffs)}
+                change |= {"along": effect.along @ driven, "polynomial": np.atleast_1d(of_rest.coeffs)}
             if not change.get("along", change["combination"]).any():
                 continue
             if isinstance(effect, Spring) and effect.lever is not None:
@@ -168,75 +233,53 @@ def held_actuation(where: str, actuation: Actuation, free: Sequence[int], held: 
                 raise InputError(f'{where}: spring "{effect.name}" acts on free joints as well')
             effects.append(replace(effect, **change))
         kept[kind] = tuple(effects)
-    cut = replace(actuation, **kept, values=None)  # type: ignore[arg-type]
-    scale = actuation.effort_scale
-    values = None
+    known = None
     if actuation.values is not None:
         known = {(t.kind, t.name): v for t, v in zip(actuation_terms(actuation), actuation.values, strict=True)}
-        values = np.array([known[term.kind, term.name] for term in actuation_terms(cut)])
-    return replace(cut, values=values, effort_scale=None if scale is None else scale[free])
+    for kind in ("friction", "motor_inertia", "springs"):
+        kept[kind] = _united(kept[kind], known, actuation.coulomb_velocity)
+    changed, scale = replace(actuation, **kept, values=None), actuation.effort_scale  # type: ignore[arg-type]
+    values = None if known is None else np.array([known[term.kind, term.name] for term in actuation_terms(changed)])
+    # raw efforts of a coordinate that is one of the robot's own; of a new one none are known
+    own = [np.flatnonzero((driven == np.eye(driven.shape[1])[k]).all(axis=1)) for k in range(driven.shape[1])]
+    known_scale = scale is not None and all(len(places) for places in own)
+    return replace(
+        changed,
+        values=values,
+        effort_scale=np.array([scale[p[0]] for p in own]) if known_scale else None,  # type: ignore[index]
+    )
 
 
-XML_ENDINGS = (".urdf", ".xml", ".mjcf")  # of descriptions that may state shapes
+def _united(
+    effects: Sequence[Effect], known: dict[tuple[str, str], float] | None, coulomb_velocity: float
+) -> tuple[Effect, ...]:
+    """Return effects of a kind with one for all that act along the same line: no recording tells these apart.
+
+    Numbers are summed there, by kind and name in `known`. Friction that is no such sum stays by itself.
+    """
+    kept = list[Effect]()
+    for effect in effects:
+        for other in kept:
+            ratio = float(effect.combination @ other.combination / (other.combination @ other.combination))
+            if not np.allclose(effect.combination, ratio * other.combination, rtol=0.0, atol=1e-12):
+                continue
+            if (factors := _summed_by(effect, other, ratio, coulomb_velocity)) is not None:
+                for kind, factor in factors.items() if known else ():
+                    assert known is not None  # for the type checker
+                    known[kind, other.name] += factor * known[kind, effect.name]
+                break
+        else:
+            kept.append(effect)
+    return tuple(kept)
 
 
-class DescribedRobot(Settings):
-    """A robot whose links stand in another file."""
-
-    description: str  # the file, beside the table
-    instrument: str | None = None  # of a dVRK's arm, whose description is its kinematics
-    name: str | None = None
-    base: str | None = None  # with `tip`: the arm between these frames, on its own base
-    tip: str | None = None
-    locked_deg: dict[str, float] = Field(default_factory=dict)  # turning joints that are held
-    locked_m: dict[str, float] = Field(default_factory=dict)  # sliding ones
-    massless: tuple[str, ...] = ()
-    # in place of what the description states, on the joints that are left
-    actuation: dict[str, JsonValue] | None = None
-
-
-def described_table(path: Path) -> DescribedRobot | None:
-    """Return the table in a TOML file that names a description; None where the file is a DH table or no TOML."""
-    content = read_bounded(path, MOST_TOML)
-    try:
-        names_one = b"description" in content and "description" in toml_table(content, str(path))
-    except FileFormatError:
+def _summed_by(effect: Effect, other: Effect, ratio: float, coulomb_velocity: float) -> dict[str, float] | None:
+    """Return by which factors numbers along `ratio` times another's line add to its own; None if they do not."""
+    if not isinstance(effect, Friction):
+        sprung = [getattr(each, "lever", None) for each in (effect, other)]
+        return None if any(sprung) else {"spring" if isinstance(effect, Spring) else "motor_inertia": ratio**2}
+    terms = [FRICTION_TERMS[kind] for kind in effect.parts]
+    alike = (effect.parts, effect.recording) == (getattr(other, "parts", {}), getattr(other, "recording", ""))
+    if not alike or coulomb_velocity > 0.0 or any(term.needs_course for term in terms):
         return None
-    return load_toml(path, DescribedRobot) if names_one else None
-
-
-def description_of(path: Path, named: str) -> Path:
-    """Return the file that a table names as its description, or as the instrument's."""
-    place = path.parent / named
-    kinds = (*XML_ENDINGS, ".json")
-    if place.suffix.lower() not in kinds or not place.is_file():
-        raise ConfigError(f'{path}: description "{named}": expected a {", ".join(kinds)} file beside it')
-    return place
-
-
-def as_described(model: RobotModel, path: Path, table: DescribedRobot) -> RobotModel:
-    """Return the robot of a description as its table has it."""
-    try:
-        locked = {name: float(np.deg2rad(angle)) for name, angle in table.locked_deg.items()} | table.locked_m
-        for name in [*table.locked_deg, *table.locked_m]:
-            if name in model.joint_names:
-                unit = model.joint_units[model.joint_names.index(name)]
-                if (unit == "rad") != (name in table.locked_deg):
-                    raise InputError(
-                        f'"{name}" is in {unit}: expected {"locked_deg" if unit == "rad" else "locked_m"} for it'
-                    )
-        if table.base is not None:
-            model = cut_arm(model, table.base, table.tip or model.tip, locked=locked)
-        elif locked:
-            model = lock_joints(model, locked)
-        model.frame(table.tip)
-        changes: dict[str, object] = {"tip": table.tip or model.tip, "name": table.name or model.name}
-        if table.actuation is not None:
-            where = f"{path}: actuation"
-            actuation = parse_settings(table.actuation, Actuation, where, context=model.joint_names)
-            check_actuation(where, actuation, model.n)
-            changes["actuation"] = actuation
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    sources = (*model.sources, file_source(path, read_bounded(path, MOST_TOML)))
-    return replace(model, sources=sources, **changes)  # type: ignore[arg-type]
+    return {term.kind: ratio * float(term.load(ratio, 0.0, 0.0, np) / term.load(1.0, 0.0, 0.0, np)) for term in terms}

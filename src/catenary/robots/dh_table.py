@@ -17,6 +17,7 @@ from catenary.errors import ConfigError, InputError, UnsupportedModelError
 from catenary.robots.actuation import Actuation
 from catenary.robots.assembly import Coordinate, Link, assemble, depth_first
 from catenary.robots.link_inertia import LinkInertia, symmetric
+from catenary.robots.loops import LoopSettings
 from catenary.robots.model import BASE, Massless, RobotModel
 from catenary.spatial import Pose, identity_pose, rotation_about_x, rotation_about_z
 
@@ -83,7 +84,7 @@ class CapsuleTable(Settings):
     radius_m: Annotated[float, Field(gt=0.0)]
 
 
-class RobotTable(Settings):
+class RobotTable(LoopSettings):
     """A robot file."""
 
     name: str
@@ -144,7 +145,7 @@ def robot_of_table(where: str, table: RobotTable, massless: Massless = ()) -> Ro
     if table.actuation is not None:
         names = [c.name for c in coordinates]
         actuation = parse_settings(table.actuation, Actuation, f"{where}: actuation", context=names)
-    return assemble(
+    model = assemble(
         table.name,
         links,
         coordinates,
@@ -157,17 +158,18 @@ def robot_of_table(where: str, table: RobotTable, massless: Massless = ()) -> Ro
         sources=[*table.sources, *(f"{row.name}: {row.source}" for row in table.link if row.source)],
         file_order=as_listed,
     )
+    return table.on(model)
 
 
 def _coordinates(where: str, table: RobotTable) -> list[Coordinate]:
     """Return a table's coordinates as it lists them, else those of rows that move with their own names."""
     listed = None
     if table.coordinate is not None:
-        listed = [_coordinate(where, c.name, c.unit, c) for c in table.coordinate]
+        listed = [coordinate_of(where, c.name, c.unit, c) for c in table.coordinate]
     own = []
     for row in table.link:
         what = f'robot "{table.name}": DH row "{row.name}"'
-        coordinate = _coordinate(where, row.name, "m" if row.joint == "prismatic" else "rad", row)
+        coordinate = coordinate_of(where, row.name, "m" if row.joint == "prismatic" else "rad", row)
         moves_itself = row.joint != "fixed" and (row.variable is None or row.name in row.variable)
         if coordinate != Coordinate(row.name, coordinate.unit) and (listed is not None or not moves_itself):
             raise InputError(f"{what}: has limits but no coordinate of its own; give limits to the coordinate")
@@ -207,7 +209,8 @@ def _inertia(where: str, row: LinkTable) -> LinkInertia | None:
     return LinkInertia(row.mass_kg, np.array(row.com_m), tensor)
 
 
-def _coordinate(where: str, name: str, unit: str, limits: LimitsTable) -> Coordinate:
+def coordinate_of(where: str, name: str, unit: str, limits: LimitsTable) -> Coordinate:
+    """Return a coordinate in "rad" or "m" with its table's limits; refuse limits in the other unit."""
     slides = unit == "m"
     for pair in _LIMITS:
         if getattr(limits, pair[not slides]) is not None:

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element
@@ -23,7 +24,7 @@ from catenary.robots.assembly import (
     resolve_mimics,
 )
 from catenary.robots.link_inertia import LinkInertia
-from catenary.robots.model import Massless, RobotModel
+from catenary.robots.model import Loop, Loops, Massless, RobotModel
 from catenary.robots.plausible import MAX_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
 from catenary.visible import visible
@@ -34,6 +35,7 @@ _WORLD = "world"  # MuJoCo's name of what everything hangs on
 # is simulated gets them for its massless links: no torque shows them.
 LEAST_MASS = 1e-12  # [kg]
 LEAST_INERTIA = 1e-14  # [kg m2], above mjMINVAL = 1e-15
+_MOVES_A_JOINT = (0, 1)  # kinds of MuJoCo's actuators, mjTRN_JOINT and mjTRN_JOINTINPARENT
 
 
 def load_mjcf(path: Path, *, massless: Massless = ()) -> RobotModel:
@@ -174,10 +176,10 @@ def _refuse_what_no_tree_has(c: CompiledMjcf) -> None:
         raise UnsupportedModelError(f'flexible body "{c.name("flex", 0)}": expected rigid bodies only')
     for equality in _active_equalities(c):
         kind = c.mujoco.mjtEq(c.model.eq_type[equality])
-        if kind != c.mujoco.mjtEq.mjEQ_JOINT:
+        if kind not in (c.mujoco.mjtEq.mjEQ_JOINT, c.mujoco.mjtEq.mjEQ_CONNECT):
             raise UnsupportedModelError(
                 f'equality "{c.name("equality", equality)}" ({kind.name[5:].lower()}): '
-                "a loop cannot be represented by a tree; expected joint equalities only"
+                "a loop cannot be represented by a tree; expected joint and connect equalities only"
             )
 
 
@@ -197,7 +199,7 @@ def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str]) -> RobotModel
         pose = Pose(rotation_from_quaternion(c.model.site_quat[site]), np.array(c.model.site_pos[site]))
         frames[frame] = (c.name("body", carrier), pose)
     name = bytes(c.model.names).split(b"\0", 1)[0].decode()  # the first of the compiled names is the model's
-    return assemble(
+    model = assemble(
         path.stem if name in ("", "MuJoCo Model") else name,
         links,
         [_coordinate(c, joint, name) for joint, name in joints.items() if name not in following],
@@ -207,6 +209,7 @@ def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str]) -> RobotModel
         sources=sources,
         notes=[*notes, *c.aside, *_notes(c, joints)],
     )
+    return replace(model, loops=_loops(c, joints, model.joint_names))
 
 
 def _drives(c: CompiledMjcf, joints: Mapping[int, str], following: Mapping[str, Mimic]) -> list[StatedDrive]:
@@ -281,14 +284,34 @@ def _coordinate(c: CompiledMjcf, joint: int, name: str) -> Coordinate:
     return Coordinate(name, unit, float(lower), float(upper), effort=effort)
 
 
-def _active_equalities(c: CompiledMjcf) -> list[int]:
-    return [equality for equality in range(c.model.neq) if c.model.eq_active0[equality]]
+def _active_equalities(c: CompiledMjcf, kind: str = "") -> list[int]:
+    """Return the equalities that are active at the start, of every kind or of one (JOINT, CONNECT)."""
+    active = np.flatnonzero(c.model.eq_active0).tolist()
+    return [k for k in active if not kind or c.model.eq_type[k] == getattr(c.mujoco.mjtEq, f"mjEQ_{kind}")]
+
+
+def _loops(c: CompiledMjcf, joints: Mapping[int, str], coordinates: Sequence[str]) -> Loops | None:
+    """Return the loops that connect equalities close; joints that an actuator moves are motors."""
+    m, loops = c.model, list[Loop]()
+    for equality in _active_equalities(c, "CONNECT"):
+        ends, points = (int(m.eq_obj1id[equality]), int(m.eq_obj2id[equality])), m.eq_data[equality][:6].reshape(2, 3)
+        if m.eq_objtype[equality] == c.mujoco.mjtObj.mjOBJ_SITE:
+            points = np.array([m.site_pos[site] for site in ends])
+            ends = int(m.site_bodyid[ends[0]]), int(m.site_bodyid[ends[1]])
+        frames = c.name("body", ends[0]), c.name("body", ends[1])
+        loops.append(Loop(c.name("equality", equality), frames, np.array(points)))
+    if not loops:
+        return None
+    moved = {joints[int(m.actuator_trnid[k, 0])] for k in range(m.nu) if m.actuator_trntype[k] in _MOVES_A_JOINT}
+    place = {joints[joint]: float(m.qpos0[joint]) for joint in joints}
+    motors = tuple(name for name in coordinates if name in moved)
+    return Loops(tuple(loops), motors, np.array([place[name] for name in coordinates]))
 
 
 def _mimics(c: CompiledMjcf, joints: Mapping[int, str]) -> dict[str, Mimic]:
     """Read joint equalities: q1 - ref1 = c0 + c1 (q2 - ref2), constant when there is no second joint."""
     mimics: dict[str, Mimic] = {}
-    for equality in _active_equalities(c):
+    for equality in _active_equalities(c, "JOINT"):
         what = f'equality "{c.name("equality", equality)}"'
         first, second = int(c.model.eq_obj1id[equality]), int(c.model.eq_obj2id[equality])
         c0, c1, *higher = (float(v) for v in c.model.eq_data[equality][:5])

@@ -48,6 +48,24 @@ class Frame(NamedTuple):
     pose: Pose  # of the frame in the link's frame
 
 
+class Loop(NamedTuple):
+    """A point of one frame that stays on a point of another, which closes a loop of the tree."""
+
+    name: str
+    frames: tuple[str, str]
+    points: Annotated[Floats, Listed((2, 3))]  # in these frames [m]
+
+
+class Loops(NamedTuple):
+    """What closes the loops of a tree whose joints are all coordinates still."""
+
+    loops: tuple[Loop, ...]
+    motors: tuple[str, ...]  # coordinates that are driven, which the others follow; empty where not stated
+    assembled: Annotated[
+        Floats, Listed()
+    ]  # (n,) a place next to which the loops close [rad or m]: they may close in several ways
+
+
 class Unseen(NamedTuple):
     """A change of masses that no torque showed under the gravity in which a robot was identified."""
 
@@ -95,6 +113,7 @@ class RobotModel(OnScreen):
     notes: tuple[str, ...] = ()  # what the description holds and the model leaves out
     doubts: tuple[str, ...] = ()  # what is doubtful about its numbers
     file_order: tuple[str, ...] = ()  # joint_names as its file lists them, where it does
+    loops: Loops | None = None  # that are open still; `load_robot` returns none with such
 
     def __post_init__(self) -> None:
         for name in ("coupling", "offset", "lower", "upper", "velocity_limit", "effort_limit"):
@@ -135,6 +154,8 @@ class RobotModel(OnScreen):
 
     def require_masses(self) -> None:
         """Refuse a model that cannot give gravity torques, which need masses and their centres."""
+        if self.loops is not None:
+            raise InputError(f'robot "{self.name}": its loops are open: its torques are not those of its motors')
         if self.missing_inertia:
             raise MissingInertiaError(self.name, self.missing_inertia)
 

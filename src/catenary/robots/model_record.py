@@ -19,7 +19,7 @@ FORMAT = "catenary.identification.3"
 REMEDY = "`catenary identify` makes it again"
 IDENTIFIED = "identified"  # array of the archive that holds the robot, as JSON
 # of what was declared or carried, an identified robot knows nothing
-_UNSAVED_FIELDS = ("axes_of_com", "without_payload")
+_UNSAVED_FIELDS = ("axes_of_com", "without_payload", "loops")
 
 
 def robot_record(model: RobotModel) -> dict[str, Any]:

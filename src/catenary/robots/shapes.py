@@ -18,7 +18,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.robots import geometry
 from catenary.robots.assembly import left_out, naming_the_file
 from catenary.robots.catalog import catalogue_file, robot_names
-from catenary.robots.cut import XML_ENDINGS, described_table, description_of
+from catenary.robots.described import XML_ENDINGS, described_table, description_of
 from catenary.robots.dh_table import RobotTable
 from catenary.robots.mjcf import CompiledMjcf, compile_mjcf
 from catenary.robots.model import RobotModel

@@ -22,7 +22,7 @@ from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.drive_gains import DriveGains
 from catenary.identification.explanations.arm import arm_as_found
 from catenary.identification.explanations.findings import GAINS, day_findings, explained_torques, findings_against
-from catenary.identification.identification import CarriedBody, Identification, gains_of, identify_samples, prepared
+from catenary.identification.identification import CarriedBody, Identification, gains_of, identify_logs, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
@@ -290,7 +290,7 @@ def identify_files(
     for log in (*read, *read_tests):  # behind what may explain them
         check_positions(log, model)
     bodies = (*((payload,) if payload is not None else ()), *found)
-    result = replace(identify_samples(training, model, options), bodies=bodies).test(held_out)
+    result = replace(identify_logs(read, training, model, options), bodies=bodies).test(held_out)
     tested = [part for part in held_out if not part.name.endswith(HELD_OUT)]
     doubts += judge([(part.name, each) for part in tested for each in findings_against(result, part)], accept)
     if gains is not None:
@@ -302,7 +302,7 @@ def identify_files(
     known = [log.identity for log in read]
     again = [log.name for log in read_tests if log.is_among(known)]
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]
-    notes += _notes(model, result)
+    notes += [*_notes(model, result), *result.base_notes([*training, *held_out])]
     if gains is not None:
         shown = estimate_payload(result, weighed, at=(model.tip, gains.centre))
         notes += [
