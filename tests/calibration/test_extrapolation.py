@@ -102,7 +102,7 @@ def test_nothing_leaps_at_the_edge_of_the_valid_range(trained: FitResult) -> Non
     assert_allclose(correction[~inside[:, 0]], np.broadcast_to(model.offset, (int((~inside[:, 0]).sum()), 2)))
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, 5])
 def test_what_is_refused_is_worse_than_what_is_accepted_over_all_joints(seed: int) -> None:
     """Of an arm that learnt a third of its range, at random, and is asked over all of it."""
     arm = Arm(seed)
@@ -113,9 +113,9 @@ def test_what_is_refused_is_worse_than_what_is_accepted_over_all_joints(seed: in
     X, q = model.features.matrix(whole.log), whole.log.q_nominal
     for group in model.groups:
         accepted = model.inside(X)[:, group.joints[0]]
-        assert 0.02 < accepted.mean() < 0.99
+        assert 0.02 < accepted.mean() < 0.98
         found = np.square(whole.error[:, list(group.joints)] - group.predictor.predict(X[:, group.columns]))
         ratio = found[~accepted].mean(axis=0) / found[accepted].mean(axis=0)
         assert np.exp(np.log(ratio).mean()) > 1.1
-        assert (ratio > 0.85).all()  # joints of one range share it: of some it takes what they still do well
+        assert (ratio > 0.9).all()  # joints of one range share it: of some it takes what they still do well
     assert np.isfinite(model.correction(X, q)).all()
