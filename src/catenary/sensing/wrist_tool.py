@@ -34,7 +34,7 @@ _MIN_TILT = 0.2  # least share of gravity that its directions must differ by alo
 # cable (6 to 20 poses, 0.3 to 3 kg) none leaves more; of 763 with a cable that puts the mass off by 1 % two are missed
 _DRAG_SHARE, _DRAG_NOISES, _DRAG_CHANCE = 0.02, 3.0, 1e-3  # of the weight, of the means' noise
 _USUAL_NOISE_N = 0.02  # of a pose's mean force, where it is not known
-_HEAD = """# The tool behind a wrist's force/torque sensor, in SI: reading = sign load + bias, in the sensor's axes, which the
+_HEAD = """# The tool behind a wrist's force/torque sensor, in SI: reading = sign load + bias, in its axes, which the
 # rotation takes to those of the frame; inertia: xx, xy, xz, yy, yz, zz about `center`
 """
 _Vector = Annotated[Floats, Listed((3,))]
