@@ -101,6 +101,7 @@ class RestPoses:
 
     def __init__(self, model: RobotModel, frame: str | None = None) -> None:
         """Take an arm and the frame of its sensor; the tip when None."""
+        model.frame(frame)
         self.model, self.frame = model, frame
         self.poses: list[RestPose] = []
         self._dwell: list[tuple[float, Floats, Floats]] = []
