@@ -281,7 +281,7 @@ class ToolTopics:
     frame: str | None = option("FRAME", "Frame of the robot to publish wrenches in. [default: the sensor's own]")
     inertia: bool = option(None, "Also take out what accelerates the tool.", False)
     drift: float = option("N/MIN", "Rate of the sensor's zero that is followed while nothing touches.", 0.0, least=0.0)
-    wait: float = option("S", "Publish so late, for joint states about each reading.", 0.02, least=0.0)
+    wait: float = option("S", "Publish so late, for joint states about each reading.", 0.03, least=0.0)
 
 
 @_prints_json_lines

@@ -31,8 +31,10 @@ class CollisionGuard:
         observer.update(state.q, state.qd, state.tau, state.gravity, elapsed)
         if joints := observer.collided:
             k = observer.model.joint_names.index(joints[0])
+            unit = TORQUE_UNIT[observer.model.joint_units[k]]
+            values = observer.torque[k], observer.deviation[k], observer.sticking[k]
+            torque, noise, friction = (f"{value:.3g} {unit}" for value in values)
             raise LimitError(
-                f"collision at {tick.time:.3f} s, by {', '.join(joints)}: {joints[0]} is asked for "
-                f"{observer.torque[k]:.3g} {TORQUE_UNIT[observer.model.joint_units[k]]} from outside, expected "
-                f"{observer.half_width[k]:.3g} at most"
+                f"collision at {tick.time:.3f} s, by {', '.join(joints)}: {joints[0]} is asked for {torque} from "
+                f"outside, where noise is {noise}, dry friction {friction}"
             )

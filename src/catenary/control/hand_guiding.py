@@ -110,7 +110,7 @@ class HandGuiding(GravityHold):
 
     def _hold(self) -> None:
         self.state, self._held = "weighing", None
-        self._told = self._now = np.zeros((4, 4)), np.zeros(4)  # what poses tell of the load, as normal equations
+        self._known = self._now = np.zeros((4, 4)), np.zeros(4)  # what poses tell of the load, as normal equations
         self._since = self._still = self._falling = 0.0  # [s]
 
     def _torques_of_load(self, q: Floats, down: Floats) -> Floats:
@@ -135,7 +135,7 @@ class HandGuiding(GravityHold):
             is_load = self._since > _SETTLE_S and self._weigh(A, spread, min(1.0, elapsed / _ADAPT_S))
             self._still = self._still + elapsed if is_still and is_load else 0.0
             if self._still >= _STILL_S:
-                self._still, self._told = 0.0, self._now
+                self._still, self._known = 0.0, self._now
                 self.state = "refused" if self.mass + self.mass_half_width > self.max_payload else "guided"
             elif self._since > _SURE_S and self.mass - self.mass_half_width > self.max_payload:
                 self.state = "refused"
@@ -147,7 +147,7 @@ class HandGuiding(GravityHold):
             if self._still >= _STILL_S:
                 self._still = 0.0
                 if self._weigh(A, spread, 1.0):
-                    self._told = self._now
+                    self._known = self._now
             beyond = self.observer.torque + A @ self.load
             J = jacobian(self.model, state.q, self.frame)[:3]
             force = np.asarray(np.linalg.lstsq(J.T / spread[:, None], beyond / spread, rcond=1e-3)[0], dtype=np.float64)
@@ -162,7 +162,7 @@ class HandGuiding(GravityHold):
         """Go by a share to the load that explains torques here and before, if one does; return whether one does."""
         near = self.max_payload * np.array([2.0, _REACH_M, _REACH_M, _REACH_M])
         W, y = A / spread[:, None], -self.observer.torque / spread
-        information, evidence = self._told
+        information, evidence = self._known
         self._now = _KEPT_SHARE * information + W.T @ W, _KEPT_SHARE * evidence + W.T @ y
         covariance = np.linalg.inv(self._now[0] + np.diag(near**-2.0))
         found = covariance @ self._now[1]

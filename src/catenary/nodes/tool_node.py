@@ -20,7 +20,7 @@ from catenary.sensing.wrist_tool import WristTool
 from catenary.spatial import LEVEL
 from catenary.verdict.finding import judge
 
-TOOL_TOPIC, WRENCH = "/tool/wrench", "geometry_msgs/WrenchStamped"
+_TOPIC, WRENCH = "/tool/wrench", "geometry_msgs/WrenchStamped"
 TOOL_RATE = 500.0  # [Hz] of looks at the topics
 _JOINTS_HELD_S, _GRAVITY_HELD_S = 0.1, 0.5  # [s] for which joints and gravity count
 _CLOCKS_APART_S = 1.0  # [s] between a stamp and its arrival: more, and the sender's clock is another one
@@ -52,7 +52,7 @@ class ToolNode:
     """Publishes each WrenchStamped less the tool, and beside it its `deviation`, `age` [s] and `status`.
 
     The `command` "zero" (std_msgs/String) takes the next half second at rest for the sensor's zero, "weigh" weighs
-    the tool anew, in poses at rest, from the sensor and the joints. A wrench is that of the environment on the tool.
+    the tool again, in poses at rest, from the sensor and the joints. A wrench is that of the environment on the tool.
     Nothing is published without fresh joints, and gravity where it is asked for.
     """
 
@@ -65,7 +65,7 @@ class ToolNode:
         wrench: str = "/wrench",
         joints: str = "/joint_states",
         gravity: str | None = None,
-        topic: str = TOOL_TOPIC,
+        topic: str = _TOPIC,
         sensor_frame: str | None = None,
         poses: int = 12,
         accept: Sequence[str] = (),
@@ -214,5 +214,5 @@ class ToolNode:
         """Return the status, `seconds` after the begin."""
         listeners = len(self.transport.connections(self._wrench.topic).subscribers)
         rests = self._rests if self._compensation is None else self._compensation.rests
-        told = seconds, self._text(), *self._last, self._age_s
-        return ToolStatus(*told, self.published, len(rests.poses), listeners, self.transport.is_up(), self._warnings())
+        begin = seconds, self._text(), *self._last, self._age_s
+        return ToolStatus(*begin, self.published, len(rests.poses), listeners, self.transport.is_up(), self._warnings())

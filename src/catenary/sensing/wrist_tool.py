@@ -24,9 +24,9 @@ from catenary.spatial import Pose, angle_between, as_rotation, rotation_vector
 from catenary.verdict.finding import Finding
 
 _MIN_POSES = 4  # poses
-MIN_JUDGED_POSES = 6  # poses, from which on what is left tells another cause
+_MIN_JUDGED_POSES = 6  # poses, from which on what is left tells another cause
 _BETTER_SHARE = 0.25  # of what is left, squared, by degree of freedom
-TURNED, GAIN = 0.05, 0.05  # [rad] of gravity, and of the sensor's axes: less is not worth a doubt
+_TURNED, _GAIN = 0.05, 0.05  # [rad] of gravity, and of the sensor's axes: less is not worth a doubt
 _HEAVIEST_KG = 500.0  # few arms with a force sensor at the wrist lift more; grams taken for kilograms are beyond
 _MIRRORED = 0.5  # [rad] from all axes negated, beyond which axes are left-handed
 _MIN_TILT = 0.2  # least share of gravity that its directions must differ by along every axis, RMS
@@ -170,8 +170,8 @@ def weigh_tool(
     turned = as_array("rotation", poses.rotation, (None, 3, 3))
     forces = as_array("force", force, (len(turned), 3))
     torques = as_array("torque", torque, forces.shape)
-    if len(forces) < MIN_JUDGED_POSES:
-        raise InputError(f"wrist tool: {len(forces)} poses, expected {MIN_JUDGED_POSES} or more, differently turned")
+    if len(forces) < _MIN_JUDGED_POSES:
+        raise InputError(f"wrist tool: {len(forces)} poses, expected {_MIN_JUDGED_POSES} or more, differently turned")
     to_frame = turned.transpose(0, 2, 1)
     down = np.einsum("nij,nj->ni", to_frame, np.broadcast_to(gravity_rows(gravity, len(forces)), forces.shape))
     gains, left_by_axes = _solved([np.einsum("nj,ik->nikj", down, np.eye(3))], forces)
@@ -189,8 +189,7 @@ def weigh_tool(
         _crossed(tool, torques, down),
         _dragged(tool, forces, in_axes, down @ axes.T, place, noise, is_tilted=is_tilted),
     ]
-    told = [each for each in doubts if each is not None]
-    return tool, told[:1]  # what explains most hides the others
+    return tool, [doubt for doubt in doubts if doubt is not None][:1]  # what explains most hides the others
 
 
 def _solved(columns: list[Floats], readings: Floats) -> tuple[Floats, float]:
@@ -209,7 +208,7 @@ def _axes(down: Floats, to_frame: Floats, forces: Floats, gains: Floats, left_by
     pull, left_by_tilt = _solved([to_frame], forces)
     if left_by_tilt < _BETTER_SHARE * left and left_by_tilt <= left_by_axes:
         angle = angle_between(as_framed[0, 0] * pull[:3], np.einsum("nji,nj->ni", to_frame, down).mean(axis=0))
-        return as_framed, bool(angle > TURNED)
+        return as_framed, bool(angle > _TURNED)
     if left_by_axes >= _BETTER_SHARE * left:
         return as_framed, False
     U, _, Vt = np.linalg.svd(gains)
@@ -236,7 +235,7 @@ def _tilted(pull: Floats, stated: Floats) -> Finding:
 
 def _uneven(tool: WristTool, off: Floats, left_by_axes: float) -> Finding | None:
     """Doubt gains of the sensor's axes, (3, 3) off a rotation."""
-    if not (left_by_axes < _BETTER_SHARE * tool.force_rms**2 and np.abs(off).max() > GAIN):
+    if not (left_by_axes < _BETTER_SHARE * tool.force_rms**2 and np.abs(off).max() > _GAIN):
         return None
     worst = np.unravel_index(int(np.abs(off).argmax()), off.shape)
     says = f"forces fit gains of the sensor's axes much better, off by {off[worst]:+.2f} in axis {'xyz'[worst[0]]}"
@@ -247,7 +246,7 @@ def _crossed(tool: WristTool, torques: Floats, down: Floats) -> Finding | None:
     """Doubt torques that follow gravity, but not as a weight at one place."""
     matrix, left = _solved([np.einsum("nj,ik->nikj", down, np.eye(3))], torques)
     size = float(np.abs(matrix[:9]).max()) * float(np.linalg.norm(down[0]))
-    if left < _BETTER_SHARE * tool.torque_rms**2 and tool.torque_rms > GAIN * size:
+    if left < _BETTER_SHARE * tool.torque_rms**2 and tool.torque_rms > _GAIN * size:
         says = f"torques follow gravity, but {tool.torque_rms:.3g} Nm (RMS) are left of a weight at one place"
         return Finding("units", (), says, "axes or signs of torques that are not those of forces")
     return None
