@@ -1,48 +1,43 @@
 """Guide an arm by hand with a load that nobody told it of, and end a motion by a collision.
 
-Prints what a Panda that holds itself by gravity torque alone does with 2 kg at its flange: with `GravityHold` it falls
-until the loop's guard of speeds ends it; with `HandGuiding` it holds, weighs the load within a second, and carries it.
-A load above the bound is refused, and held. At the end a hand in the way of a still arm, 15 N, ends the loop.
+Prints what a Panda that holds itself by gravity torque alone does with 2 kg at its flange: with the gravity torque of
+the bare arm it falls until the loop's guard of speeds ends it; with `HandGuiding` it holds, weighs the load within a
+second, and carries it. A load above the bound is refused, and held. At the end 15 N on a still arm end the loop.
 """
 
 import numpy as np
 
 import catenary
-from catenary.control.collision_guard import CollisionGuard
-from catenary.control.gains import gains_from_mass
-from catenary.control.gravity_pd import GravityHold, GravityPD
-from catenary.control.hand_guiding import HandGuiding
-from catenary.errors import LimitError
-from catenary.gravity.payload import Payload
-from catenary.trajectories.reference import Rest
 
 arm = catenary.load_robot("panda")
 q = np.array([0.0, 0.3, 0.0, -1.6, 0.0, 1.9, 0.0])
 noise = np.array([0.3, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])  # Nm, of torques where nothing touches the arm
-gains = gains_from_mass(arm, frequency_hz=8.0, damping_ratio=1.0)
+kp = np.array([250.0, 2190.0, 122.0, 764.0, 65.0, 68.0, 12.0])  # Nm/rad: 8 Hz, critically damped
+kd = kp / 25.0
+stay = catenary.go_to(q, q, max_velocity=np.ones(arm.n), max_acceleration=np.ones(arm.n))
 
 
-def held(controller, load: float, seconds: float = 3.0, **options) -> str:
-    """Say how a simulated arm with a load ends."""
-    plant = catenary.MujocoPlant(arm, start=q, payload=Payload(load, position=(0.0, 0.0, 0.05)))
+def held(controller, load: float, **options) -> str:
+    """Say how a simulated arm ends that carries a load."""
+    true = arm.with_payload(arm.tip, load, [0.0, 0.0, 0.05])
+    plant = catenary.MujocoPlant(true, start=q)
     plant.home()
     try:
-        catenary.run_loop(plant, controller, Rest(q, seconds), **options)
-    except LimitError as error:
+        catenary.run_loop(plant, controller, stay, duration=3.0, **options)
+    except catenary.CatenaryError as error:
         return str(error)
-    sunk = catenary.forward_kinematics(arm, q).position[2]
-    sunk -= catenary.forward_kinematics(arm, plant.measured_js().q).position[2]
-    return f"holds, {1000 * sunk:.0f} mm lower"
+    lower, upper = (catenary.forward_kinematics(arm, at).position[2] for at in (plant.measured_js().q, q))
+    return f"holds, {1000 * (upper - lower):.0f} mm lower"
 
 
-print("2 kg, GravityHold:", held(GravityHold(arm), 2.0))
+print("2 kg, gravity torque alone:", held(catenary.GravityPD(arm, 0.0 * kp, 0.0 * kd), 2.0))
 for load in (2.0, 5.0):
-    guiding = HandGuiding(arm, *gains, deviation=noise, max_payload=3.0)
+    guiding = catenary.HandGuiding(arm, kp, kd, deviation=noise, max_payload=3.0)
     end = held(guiding, load)
     print(f"{load:g} kg, HandGuiding: {guiding.state}, {guiding.mass:.2f} kg; {end}")
 
 observer = catenary.MomentumObserver(arm, deviation=noise)  # or observer.learn(...) from a recording of free motion
-guard = CollisionGuard(observer)
+guard = catenary.CollisionGuard(observer)
 
 
 def pushed(tick) -> None:
@@ -51,4 +46,4 @@ def pushed(tick) -> None:
     guard(tick._replace(state=tick.state._replace(tau=tick.state.tau - push)))
 
 
-print("15 N:", held(GravityPD(arm, *gains), 0.0, observers=[pushed]))
+print("15 N:", held(catenary.GravityPD(arm, kp, kd), 0.0, observers=[pushed]))

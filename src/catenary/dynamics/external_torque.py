@@ -17,8 +17,8 @@ from catenary.errors import InputError
 from catenary.robots.model import RobotModel
 
 IN_95_PERCENT = 1.96  # standard deviations
-# chance of Gaussian noise beyond a collision's bound. What models leave has longer tails: an hour of a simulated Panda as
-# identified reaches 7.3 standard deviations, where this is 8.4
+# chance of Gaussian noise beyond a collision's bound. What models leave has longer tails: in an hour of a simulated
+# Panda, as identified, it reaches 7.3 standard deviations; the bound of seven joints is 8.4
 _FALSE_ALARM = 1e-12
 _LEAST_DEVIATION = 1e-9  # [Nm or N]
 _STICKING_SPEED = {"rad": 0.02, "m": 0.002}  # [rad/s], [m/s] below which dry friction may be anything up to its level

@@ -258,7 +258,7 @@ class EncoderNode:
         return EncoderStatus(seconds, reading, self.robot, dict(self.published), len(listeners), is_up)
 
 
-class Node(Protocol):
+class SteppedNode(Protocol):
     """What is stepped at a rate."""
 
     transport: Transport
@@ -271,7 +271,11 @@ class Node(Protocol):
 
 
 def publish(
-    node: Node, *, rate_hz: float, duration: float | None = None, show: Callable[[Any], None] = lambda status: None
+    node: SteppedNode,
+    *,
+    rate_hz: float,
+    duration: float | None = None,
+    show: Callable[[Any], None] = lambda status: None,
 ) -> Any:
     """Step a node at a rate until the duration [s] is over, its transport closed, or Ctrl-C; return the last status.
 
