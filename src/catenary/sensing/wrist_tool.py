@@ -57,8 +57,8 @@ class WristTool:
     force_rms: float  # that is left of the readings [N]
     torque_rms: float  # [Nm]
     sign: float = 1.0  # -1 of a sensor that counts what holds the tool, not the load
-    rotation: Annotated[Floats, Listed((3, 3))] = field(default_factory=lambda: np.eye(3))  # R_frame_sensor
-    inertia: Annotated[Floats, Listed((6,))] = field(default_factory=lambda: np.zeros(6))  # about the centre [kg m2]
+    rotation: Annotated[Floats, Listed((3, 3))] = field(default_factory=lambda: np.eye(3), repr=False)  # R_frame_sensor
+    inertia: Annotated[Floats, Listed((6,))] = field(default_factory=lambda: np.zeros(6), repr=False)  # [kg m2]
     robot: str = ""  # that carries it, as it was typed
     frame: str = ""  # of the robot, that the sensor's origin and axes are given in
 
@@ -121,18 +121,8 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
         )
     deviation = np.sqrt(np.diag(covariance))
     of_center = np.hypot(deviation[1:4], center * deviation[0]) / mass
-    return WristTool(
-        mass,
-        center,
-        found[4:7],
-        found[7:],
-        float(deviation[0]),
-        of_center,
-        deviation[4:7],
-        deviation[7:],
-        rms[0],
-        rms[1],
-    )
+    errors = float(deviation[0]), of_center, deviation[4:7], deviation[7:]
+    return WristTool(mass, center, found[4:7], found[7:], *errors, rms[0], rms[1])
 
 
 def _require_turns(down: Floats, X: Floats) -> None:
