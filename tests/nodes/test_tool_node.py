@@ -142,6 +142,8 @@ def test_without_joints_or_gravity_nothing_is_published_and_the_status_says_so(t
     assert world.status() == "live"
     world.run(1.0, at=POSE)
     assert world.status() == "gravity is not live"
+    world.run(1.0, at=POSE, sensor=False)
+    assert world.status() == "no wrenches on /wrench"
 
 
 def test_a_tilted_base_is_taken_from_the_gravity_topic(tool):

@@ -22,7 +22,7 @@ from catenary.verdict.finding import judge
 
 _TOPIC, WRENCH = "/tool/wrench", "geometry_msgs/WrenchStamped"
 TOOL_RATE = 500.0  # [Hz] of looks at the topics
-_JOINTS_HELD_S, _GRAVITY_HELD_S = 0.1, 0.5  # [s] for which joints and gravity count
+_JOINTS_HELD_S, _GRAVITY_HELD_S, _READINGS_HELD_S = 0.1, 0.5, 0.5  # [s] for which joints, gravity and readings count
 _CLOCKS_APART_S = 1.0  # [s] between a stamp and its arrival: more, and the sender's clock is another one
 _SENSED_DEVIATION = 0.05  # [m/s2] of gravity that a node measures
 _STATUS_EVERY_S = 1.0
@@ -96,6 +96,7 @@ class ToolNode:
         self._motion, self._rests = JointMotion(model.n, wait), RestPoses(model, self._frame)
         self._compensation = None if tool is None else ToolCompensation(model, tool, **self._how)
         self._waiting, self._said, self._said_at = list[tuple[float, Message]](), "", -math.inf
+        self._heard = -math.inf  # [s] when a reading came last
         self._complaint = self._refusal = ""  # what the last reading lacked; why a command, or a weighing, was in vain
         self._last, self.published, self._age_s = ToolReading(np.full(6, np.nan), np.full(6, np.nan)), 0, math.inf
 
@@ -111,7 +112,9 @@ class ToolNode:
         for time, message in self._take(self._states):
             self._hear_joints(time, message)
         before = self.published
-        self._waiting += self._take(self._readings)
+        readings = self._take(self._readings)
+        self._heard = self.transport.steady() / SECOND if readings else self._heard
+        self._waiting += readings
         while self._waiting and self._is_due(self._waiting[0][0]):
             self._read(*self._waiting.pop(0))
         now, text = self.transport.steady() / SECOND, "; ".join((self._text(), *self._warnings()))
@@ -200,6 +203,8 @@ class ToolNode:
 
     def _text(self) -> str:
         """Return the status in words."""
+        if self.transport.steady() / SECOND - self._heard > _READINGS_HELD_S:
+            return f"no wrenches on {self._readings.topic}"
         if self._complaint:
             return self._complaint
         if self._compensation is None:
