@@ -175,6 +175,7 @@ REFUSED = {
     "monitor on ROS": "monitor --ros 1",
     "project": "home refused --ros 1",
     "gravity-node": "gravity-node --ros none --port /dev/ttyACM0",
+    "tool-node": "tool-node --ros 2 --tool tool.toml --weigh 6 --robot ur10e",
 }
 
 

@@ -32,6 +32,7 @@ MOTION = catenary.go_to(Q, Q + 0.1, max_velocity=[1.0, 1.0], max_acceleration=[1
 PLANT = catenary.MujocoPlant(ARM, start=Q)
 ROW = {"model": ARM, "q": Q[None], "tau": ZERO[None], "gravity": DOWN}
 EXTERNAL = catenary.external_torque(**ROW, qd=ZERO[None], qdd=ZERO[None], deviation=[0.1, 0.1])
+TOOL = catenary.fit_wrist_tool(2.0 * (pull := RNG.normal(size=(9, 3))), np.cross([0.0, 0.0, 0.1], 2.0 * pull), pull)
 STATE = catenary.JointState(0.0, Q, ZERO, ZERO, Q, np.array(DOWN), 0.0)
 # what a call that succeeds is given; one argument after the other is then another thing
 CALLS: dict[str, dict[str, Any]] = {
@@ -83,6 +84,9 @@ CALLS: dict[str, dict[str, Any]] = {
     "forward_dynamics": {**POSE, "qd": ZERO, "tau": ZERO, "gravity": DOWN},
     "BaseMotion": {},
     "MomentumObserver": {"model": ARM},
+    "HandGuiding": {"model": ARM, **GAINS, "deviation": 0.1, "max_payload": 1.0},
+    "CollisionGuard": {"observer": catenary.MomentumObserver(ARM, deviation=0.1)},
+    "ToolCompensation": {"model": ARM, "tool": TOOL},
     "external_torque": {**ROW, "qd": ZERO[None], "qdd": ZERO[None], "deviation": [0.1, 0.1]},
     "external_wrench": {"model": ARM, "q": Q[None], "external": EXTERNAL},
     "locate_load": {**ROW, "noise": [0.1, 0.1]},

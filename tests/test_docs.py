@@ -20,7 +20,7 @@ RUN = [block for block in BLOCKS if block.not_run is None]
 # commands that end with 1 where they find something wrong
 JUDGES = {"check", "drift", "sense"}
 # commands that go on until they are ended
-ENDLESS = {"view", "serve", "teleop", "monitor", "encoders", "gravity-node"}
+ENDLESS = {"view", "serve", "teleop", "monitor", "encoders", "gravity-node", "tool-node"}
 
 
 def _pages() -> list[object]:

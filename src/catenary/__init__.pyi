@@ -7,9 +7,11 @@ from catenary.calibration.calibration import fit as fit
 from catenary.calibration.calibration import load_model as load_model
 from catenary.calibration.calibration import refresh as refresh
 from catenary.calibration.corrector import Corrector as Corrector
+from catenary.control.collision_guard import CollisionGuard as CollisionGuard
 from catenary.control.elastic_pd import ElasticPD as ElasticPD
 from catenary.control.gravity_pd import EstimatedGravityPD as EstimatedGravityPD
 from catenary.control.gravity_pd import GravityPD as GravityPD
+from catenary.control.hand_guiding import HandGuiding as HandGuiding
 from catenary.control.inertia_pd import InertiaPD as InertiaPD
 from catenary.control.limits import TorqueLimits as TorqueLimits
 from catenary.control.loop import run_loop as run_loop
@@ -56,6 +58,7 @@ from catenary.robots.cut import cut_arm as cut_arm
 from catenary.robots.cut import lock_joints as lock_joints
 from catenary.robots.model import RobotModel as RobotModel
 from catenary.robots.urdf import load_xacro as load_xacro
+from catenary.sensing.tool_compensation import ToolCompensation as ToolCompensation
 from catenary.sensing.wrist_tool import fit_wrist_tool as fit_wrist_tool
 from catenary.simulation.base_motion import FixedBase as FixedBase
 from catenary.simulation.cable_plant import CablePlant as CablePlant

@@ -1,17 +1,25 @@
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from catenary.cli.exit_codes import EndedBySignal
 from catenary.crtk import network
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
+from catenary.crtk.message import header, message_class
+from catenary.crtk.message_values import joint_state_message
 from catenary.nodes import serve
+from catenary.nodes.tool_node import WRENCH
+from catenary.robots.catalog import load_robot
+from catenary.sensing.wrist_tool import WristTool, save_tool
 from command_line import catenary
 from oracles.manual_time import BoardTime, ManualTime
 from oracles.simulated_board import SimulatedBoard
 from oracles.simulated_encoders import SimulatedEncoders
+from oracles.ticking_clock import TickingClock
 
 
 @pytest.fixture
@@ -107,3 +115,35 @@ def test_a_person_reads_state_and_rate():
     result = catenary("serve", "--ros", "none", "--homed", *options)
     assert "gold DISABLED homed" in result.out
     assert "to nobody" in result.err
+
+
+class RestingWrist(TickingClock):
+    """While time passes, an arm at rest says where its joints are, and its sensor what 1 kg and 5 N along x ask of it."""
+
+    def __init__(self) -> None:
+        super().__init__(0.01)
+        self.network = LoopbackNetwork(clock=self)
+        self.arm = Loopback("arm", self.network)
+        self.sensor = self.arm.publisher("/wrench", WRENCH)
+        self.joints = self.arm.publisher("/joint_states", "sensor_msgs/JointState")
+
+    def tick(self) -> None:
+        xyz, wrench = message_class("geometry_msgs/Vector3"), message_class("geometry_msgs/Wrench")
+        now, names = self.arm.now(), load_robot("two_link").joint_names
+        self.joints.publish(joint_state_message(names, now, [0.0, 0.0], [0.0, 0.0]))
+        self.sensor.publish(message_class(WRENCH)(header(now, "ft"), wrench(xyz(5.0, 0.0, -9.81), xyz())))
+
+
+def test_a_wrench_is_published_without_the_tool_of_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    zeros, world = np.zeros(3), RestingWrist()
+    tool = WristTool(1.0, zeros, zeros, zeros, 0.0, zeros, zeros, zeros, 0.0, 0.0, robot="two_link", frame="base")
+    save_tool(tmp_path / "tool.toml", tool)
+    monkeypatch.setattr(network, "make_transport", lambda ros, name: Loopback(name, world.network))
+    line = ("tool-node", "--tool", tmp_path / "tool.toml", "--ros", "none", "--duration", "1.5")
+    outcome = catenary(*line, "--json")
+    assert outcome.code == 0
+    final = json.loads(outcome.out.splitlines()[-1])["final"]
+    assert final["status"] == "live"
+    assert final["wrench"] == pytest.approx([5.0, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
+    assert re.search(r"live  force +\+5\.00 ", catenary(*line).out)
+    assert catenary(*line, "--joints", "/nothing").code == 1

@@ -18,6 +18,7 @@ from catenary.control.controllers import CONTROLLERS, HOLDS
 from catenary.control.elastic_pd import ElasticPD
 from catenary.control.gains import JointGains
 from catenary.control.gravity_pd import EstimatedGravityPD, GravityHold
+from catenary.control.hand_guiding import HandGuiding
 from catenary.control.loop import run_loop
 from catenary.control.pd import JointPD, SplitController
 from catenary.errors import InputError
@@ -53,6 +54,7 @@ MADE: dict[str, Callable[[], SplitController]] = {
     **{name: partial(kind.make, Arm()) for name, kind in CONTROLLERS.items()},
     **{f"{name} alone": partial(kind.make, Arm()) for name, kind in HOLDS.items()},
     "pd, absolute damping": lambda: JointPD(KP, KD, damping="absolute"),
+    "hand guiding": lambda: HandGuiding(ARM, KP, KD, deviation=0.5, max_payload=1.0),
     "pd with estimated gravity": lambda: with_estimated_gravity(False),
     "pd with gravity from recursive least squares": lambda: with_estimated_gravity(True),
 }

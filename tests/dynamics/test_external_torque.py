@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.dynamics.actuation_loads import known_loads
+from catenary.dynamics.actuation_loads import joint_friction, known_loads
 from catenary.dynamics.external_torque import ExternalTorque, MomentumObserver, external_torque, external_wrench
+from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.dynamics.kinematics import jacobian
 from catenary.errors import InputError
 from catenary.robots.catalog import load_robot
@@ -51,6 +52,38 @@ def test_a_push_in_mujoco_is_what_torques_leave_and_what_momentum_shows(tmp_path
     assert_allclose(shown[settled], asked[settled], atol=0.12)  # lags 8 ms behind what changes by some 10 Nm/s
     half = shown[308] / asked[308]
     assert_allclose(half, 1.0 - np.exp(-1.0), atol=0.06)  # a time constant of 8 ms after the push began
+
+
+def test_what_an_observer_learns_of_free_motion_tells_a_push_by_joint_and_no_friction(tmp_path, rng):
+    arm, (q, qd, _, tau, asked) = pushed_arm(tmp_path)
+    noisy = tau + 0.2 * rng.normal(size=tau.shape)
+    observer = MomentumObserver(arm, loads=known_loads(arm))
+    assert not observer.collided
+    free = np.r_[900:1200]
+    with pytest.raises(InputError, match="more than five time constants"):
+        observer.learn(q[:50], qd[:50], noisy[:50], DOWN, 0.001)
+    observer.learn(q[free], qd[free], noisy[free], DOWN, 0.001)
+    assert (observer.deviation < 0.2).all()
+    told = []
+    for row in zip(q, qd, noisy, strict=True):
+        observer.update(*row, DOWN, 0.001)
+        told.append(observer.collided)
+    first = next(k for k, joints in enumerate(told) if joints)
+    assert PUSHED[0] <= first < PUSHED[0] + 50
+    assert told[first][0] in [arm.joint_names[k] for k in np.argsort(-np.abs(asked[400]))[:2]]
+    assert not any(told[: PUSHED[0]])
+
+
+def test_dry_friction_of_a_joint_that_turns_back_is_no_collision():
+    arm = load_robot("two_link")
+    loads = joint_friction(arm, 2.0, 0.1)
+    observer = MomentumObserver(arm, loads=loads, deviation=0.05)
+    for k in range(4000):
+        t = 0.001 * k
+        q, qd, qdd = np.full(2, 0.05 * np.sin(t)), np.full(2, 0.05 * np.cos(t)), np.full(2, -0.05 * np.sin(t))
+        stuck = 2.0 * np.tanh((qd - 0.002) / 0.001) + 0.1 * qd  # speeds are measured with an offset
+        observer.update(q, qd, inverse_dynamics(arm, q, qd, qdd, DOWN) + stuck, DOWN, 0.001)
+        assert not observer.collided, t
 
 
 def test_a_wrench_is_told_by_six_joints_with_its_interval(rng):

@@ -4,8 +4,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from catenary.errors import ExcitationError, InputError
-from catenary.sensing.wrist_tool import fit_wrist_tool, wrist_tool_findings
+from catenary.errors import ConfigError, ExcitationError, InputError
+from catenary.sensing.wrist_tool import fit_wrist_tool, load_tool, save_tool, weigh_tool
+from catenary.spatial import Pose
 
 MASS, CENTER = 0.82, np.array([0.01, -0.02, 0.09])
 BIASES = np.array([3.0, -5.0, 12.0]), np.array([0.2, 0.05, -0.3])
@@ -86,24 +87,82 @@ def test_poses_that_do_not_show_a_tool_are_refused():
         fit_wrist_tool(-force, -torque, down)
 
 
+LEVEL = np.array([0.0, 0.0, -9.81])
+AS_FRAMED, PLACE = np.eye(3), np.array([0.4, 0.0, 0.5])
+MIRRORED = np.diag([1.0, 1.0, -1.0])
+TURNED = Rotation.from_euler("z", 30.0, degrees=True).as_matrix()
+
+
+def weighed(axes=AS_FRAMED, *, of_torque=None, count=12, gravity=LEVEL, seed=5, pull=None, noise=0.02):
+    """Weigh a tool in random poses by a sensor that reads `axes` times what acts, and what pulls at it in base axes."""
+    rng = np.random.default_rng(seed)
+    turns, places = Rotation.random(count, rng=rng), PLACE + rng.uniform(-0.4, 0.4, (count, 3))
+    down = turns.inv().apply(gravity)
+    force, torque = MASS * down, np.cross(CENTER, MASS * down)
+    if pull is not None:
+        force = force + turns.inv().apply(pull(places))
+    force, torque = force @ axes.T, torque @ (axes if of_torque is None else of_torque).T
+    force = force + BIASES[0] + rng.normal(0.0, noise, force.shape)
+    torque = torque + BIASES[1] + rng.normal(0.0, 0.02 * noise, torque.shape)
+    return weigh_tool(force, torque, Pose(turns.as_matrix(), places), LEVEL)
+
+
 @pytest.mark.parametrize("count", [6, 12, 40])
 @pytest.mark.parametrize(
     ("tilt", "axes", "name"),
     [
         (0.0, np.eye(3), None),
         (10.0, np.eye(3), "gravity"),
+        (10.0, -np.eye(3), "gravity"),
         (0.0, np.diag([1.0, 0.5, 1.0]), "units"),
-        (0.0, Rotation.from_euler("z", 30.0, degrees=True).as_matrix(), "units"),
     ],
 )
-def test_a_tilted_base_or_other_axes_of_the_sensor_are_doubts(count, tilt, axes, name):
-    turns, level = Rotation.random(count, rng=np.random.default_rng(5)), np.array([0.0, 0.0, -9.81])
-    true = Rotation.from_euler("x", tilt, degrees=True).apply(level)
-    force, torque = readings(turns.inv().apply(true), 0.02)
-    force = (force - BIASES[0]) @ axes.T + BIASES[0]
-    tool = fit_wrist_tool(force, torque, turns.inv().apply(level))
-    named = wrist_tool_findings(tool, force, turns.as_matrix(), level)
+def test_a_tilted_base_or_gains_of_the_sensor_are_doubts(count, tilt, axes, name):
+    true = Rotation.from_euler("x", tilt, degrees=True).apply(LEVEL)
+    _, named = weighed(axes, count=count, gravity=true)
     assert [each.name for each in named] == ([] if name is None else [name])
     if name == "gravity":
         x, y, z = (float(v) for v in named[0].remedy.removeprefix("--gravity ").split(","))
         assert_allclose([x, y, z], true, atol=0.1)
+
+
+@pytest.mark.parametrize("axes", [np.eye(3), -np.eye(3), TURNED, np.diag([-1.0, -1.0, 1.0]), np.eye(3)[[1, 2, 0]]])
+@pytest.mark.parametrize("count", [6, 12])
+def test_a_sensors_sign_and_axes_are_found_and_the_tool_with_them(axes, count):
+    tool, doubts = weighed(axes, count=count)
+    assert doubts == []
+    assert_allclose(tool.mass, MASS, rtol=0.01)
+    assert_allclose([tool.force_bias, tool.torque_bias], BIASES, atol=0.05)
+    assert_allclose(tool.sign * tool.rotation.T, axes, atol=0.01)
+    assert_allclose(tool.rotation @ tool.center, CENTER, atol=2e-3)
+
+
+@pytest.mark.parametrize("axes", [MIRRORED, MIRRORED @ TURNED, -TURNED, np.eye(3)[[1, 0, 2]]])
+def test_a_left_handed_sensor_is_refused(axes):
+    with pytest.raises(InputError, match="which is left-handed"):
+        weighed(axes)
+
+
+def test_torques_in_other_axes_than_forces_are_a_doubt():
+    _, (doubt,) = weighed(of_torque=np.diag([1.0, -1.0, 1.0]))
+    assert "torques follow gravity" in doubt.says
+
+
+def test_a_cable_that_drags_is_told(rng):
+    """Springs to a point above, of 3 N and more, in the seeds that no threshold was chosen by."""
+    for seed in range(1, 41, 2):
+        anchor = np.random.default_rng(seed).uniform([-0.3, -0.3, 0.8], [0.3, 0.3, 1.3])
+        _, doubts = weighed(seed=seed, pull=lambda places, to=anchor: 5.0 * (to - places))
+        assert [each.name for each in doubts][-1] in ("cable", "gravity"), seed
+        assert weighed(seed=seed)[1] == []
+
+
+def test_a_tool_file_gives_the_same_tool(tmp_path):
+    tool, _ = weighed(-np.eye(3))
+    save_tool(tmp_path / "tool.toml", tool)
+    read = load_tool(tmp_path / "tool.toml")
+    for name, value in vars(tool).items():
+        assert_allclose(getattr(read, name), value) if not isinstance(value, str) else None
+    (tmp_path / "tool.toml").write_text((tmp_path / "tool.toml").read_text().replace("sign = -1.0", "sign = 2.0"))
+    with pytest.raises(ConfigError, match=r"tool.toml: .*expected 1 or -1"):
+        load_tool(tmp_path / "tool.toml")

@@ -28,6 +28,7 @@ from catenary.identification.identification import identify
 from catenary.identification.identification_file import identification_card, load_identification, save_identification
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.kernels.bind import Step, run
+from catenary.kernels.kernel import Kernel
 from catenary.robots.actuation import (
     Actuation,
     Friction,
@@ -39,6 +40,7 @@ from catenary.robots.actuation import (
 )
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
+from catenary.sensing.tool_compensation import tool_line
 from catenary.spatial import LEVEL
 from catenary.workflows.c_header import c_correction, c_header
 from command_line import catenary, refusal
@@ -48,6 +50,7 @@ from oracles.calibration_models import MIXED, random_model, ticked
 from oracles.catalogue import robots_with_inertia
 from oracles.floating_base import Free, by_mujoco, by_pinocchio
 from oracles.random_trees import random_robot, random_rotation
+from oracles.sensed_tool import SensedTool
 
 ROWS = 200
 EXACT = 1e-12  # of a joint's largest: where terms cancel, a sum keeps that many digits of the largest of them
@@ -135,6 +138,21 @@ FOLDER = [HealthCheck.function_scoped_fixture]  # each example writes its own fi
 @settings(max_examples=3, deadline=None, suppress_health_check=FOLDER)
 def test_the_law_of_any_tree_is_pythons(seed: int, tmp_path: Path) -> None:
     assert_is_pythons(random_robot(seed).model, tmp_path, "C99", seed)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_tool_is_taken_out_as_in_python(language: str, tmp_path: Path) -> None:
+    arm, wrist = load_robot("ur10e"), SensedTool(1, axes=np.eye(3)[[1, 2, 0]])
+    tool, _ = wrist.weighed().weigh()
+    q, qd, qdd, gravity, *_ = motions(arm, 3)
+    rows = np.hstack([q, qd, qdd, gravity, np.random.default_rng(0).normal(size=(len(q), 12))])
+    header = c_header(arm, tool=replace(tool, sign=-1.0))
+    assert header.functions[-2:] == ("ur10e_tool_load", "ur10e_without_tool")
+    arrays = ", ".join(f"r + {k}" for k in (0, 6, 12, 18, 21, 27))
+    body = f"  double out[6];\nLOOP  ur10e_without_tool({arrays}, out);\n" + puts(out=6)
+    found = output_of(header.text, body, rows, tmp_path, language)
+    load = Kernel("load", tool_line(arm, tool), (6,)).rows(q, qd, qdd, gravity)
+    assert_allclose(found, -(rows[:, 21:27] - tool.bias) - rows[:, 27:] - load, atol=1e-11)
 
 
 @pytest.mark.parametrize("seed", [8, 12])

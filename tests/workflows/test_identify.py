@@ -27,6 +27,7 @@ from catenary.reports.identification import excitation_facts
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.robots.urdf_export import write_urdf
+from catenary.sensing.wrist_tool import load_tool
 from catenary.verdict.mend import Mend
 from catenary.workflows.identify import identify_files, of_joints, payload_of_files
 from command_line import catenary, refusal
@@ -210,7 +211,11 @@ def test_mass_centre_and_biases_come_out_of_a_table_of_poses(tmp_path: Path, rng
     assert found["mass_deviation"] < 0.002
     assert_allclose(found["center"], CENTER, atol=2e-3)
     assert_allclose([*found["force_bias"], *found["torque_bias"]], BIASES, atol=0.02)
-    assert re.search(r"mass +0\.8", catenary("payload", table, "--wrist-sensor", "ur10e").out)
+    told = catenary("payload", table, "--wrist-sensor", "ur10e", "--tool", tmp_path / "tool.toml").out
+    assert re.search(r"mass +0\.8", told)
+    assert "counts the load, in axes turned by 0.0 deg from tool0" in told
+    tool = load_tool(tmp_path / "tool.toml")
+    assert (tool.mass, tool.robot, tool.frame) == (found["mass"], "ur10e", "tool0")
 
 
 def test_what_is_missing_is_named(tmp_path: Path, rng: np.random.Generator) -> None:

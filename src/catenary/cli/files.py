@@ -81,6 +81,9 @@ def export(
     rate_hz: float = option("HZ", "Rate of the loop.", 1000.0),
     friction: Numbers | None = option("F,F,...", "Coulomb friction of the joints in Nm and N."),
     viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise."),
+    tool: Path | None = option(
+        "FILE", "Also take this tool out of a wrist's forces: catenary payload --tool wrote it."
+    ),
 ) -> None:
     """Write a robot and a calibration model as C.
 
@@ -91,18 +94,20 @@ def export(
     """
     from catenary.calibration.model_file import load_model
     from catenary.dynamics.actuation_loads import joint_friction
+    from catenary.sensing.wrist_tool import load_tool
     from catenary.workflows.c_header import c_header
 
     if robot is None and model is None:
         raise InputError("export: expected a robot, or --model for its correction alone")
-    if robot is None and (loaded.payload or friction or viscous):
-        raise InputError("export: --payload, --friction and --viscous are for a robot")
+    if robot is None and (loaded.payload or friction or viscous or tool):
+        raise InputError("export: --payload, --friction, --viscous and --tool are for a robot")
     known = None if robot is None else loaded.load(robot)
     calibration = None if model is None else load_model(model)[0]
     loads = None
     if known is not None and (friction or viscous):
         loads = joint_friction(known, *(one_or_each(forces or (0.0,)) for forces in (friction, viscous)))
-    header = c_header(known, calibration, rate_hz=rate_hz, loads=loads)
+    carried = None if tool is None else load_tool(tool)
+    header = c_header(known, calibration, rate_hz=rate_hz, loads=loads, tool=carried)
     write_atomically(c, header.text.encode("ascii"))
     facts = [("written", str(c)), ("functions", ", ".join(header.functions))]
     print_notes(header.notes)

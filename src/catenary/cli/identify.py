@@ -1,9 +1,9 @@
 """catenary excitation, identify, identify-cable, payload: a motion that shows an arm's dynamics, and what it tells."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
-from math import isnan
+from math import degrees, hypot, isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -26,7 +26,7 @@ from catenary.cli.options import (
     require_one,
     values_of,
 )
-from catenary.cli.out_files import EXCITATION, EXTERNAL, NAMED_AS_TYPED, PARAMETERS, TRAJECTORY, URDF
+from catenary.cli.out_files import EXCITATION, EXTERNAL, NAMED_AS_TYPED, PARAMETERS, TOOL, TRAJECTORY, URDF
 from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, RecordingOptions
 from catenary.cli.robot_options import LoadedOptions
 from catenary.cli.terminal import print_notes, print_page, print_result, prints_json
@@ -174,6 +174,9 @@ class WristSensor:
     """Options of a force/torque sensor at an arm's wrist."""
 
     wrist_sensor: str | None = option("ROBOT", "In place of --model: this arm's wrist sensor; LOG: a table of poses.")
+    tool: Path | None = option(
+        "FILE", "Also write the tool, for catenary tool-node.", writes=TOOL, goes_with="wrist_sensor"
+    )
     sensor_frame: str | None = option("FRAME", "Frame of that sensor. [default: the tip]", goes_with="wrist_sensor")
     gravity: Triple | None = replace(GRAVITY, goes_with="wrist_sensor")
 
@@ -197,7 +200,7 @@ def payload(
 ) -> None:
     """Estimate an arm's payload, a wrist's tool, or a push.
 
-    The table of a wrist sensor has a row for each of four poses at rest or more: the joints by name in rad and m, fx,
+    The table of a wrist sensor has a row for each of six poses at rest or more: the joints by name in rad and m, fx,
     fy, fz in N and tx, ty, tz in Nm in the sensor's axes. Mass, centre of mass and the sensor's biases come out.
 
     Example: catenary payload loaded.npz --model psm.npz --at pitch 0.024 0.535 0
@@ -208,7 +211,7 @@ def payload(
 
     require_one(model=model, wrist_sensor=wrist.wrist_sensor)
     if model is None:
-        _wrist_tool(data, wrist)
+        _wrist_tool(data, wrist, accept)
         return
     reading = recordings.reading()
     how: dict[str, Any] = {"unloaded": unloaded, "cutoff_hz": cutoff_hz, "reading": reading, "accept": accept}
@@ -261,13 +264,18 @@ def _external(data: Sequence[Path], model: Path, out: Path, **how: Any) -> None:
     print_result(content, Table(columns, found.joints, title), *lines, f"rows: {out}", notes=found.notes)
 
 
-def _wrist_tool(data: Sequence[Path], wrist: WristSensor) -> None:
+def _wrist_tool(data: Sequence[Path], wrist: WristSensor, accept: Sequence[str]) -> None:
+    from catenary.sensing.wrist_tool import save_tool
+    from catenary.spatial import rotation_vector
     from catenary.workflows.identify import wrist_tool_of_file
 
     if len(data) != 1:
         raise InputError(f"--wrist-sensor: expected one table of poses, got {len(data)} files")
     arm, gravity = catenary.load_robot(wrist.wrist_sensor or ""), StatedGravity(wrist.gravity).stated()
-    tool, notes = wrist_tool_of_file(data[0], arm, wrist.sensor_frame, gravity)
+    tool, notes = wrist_tool_of_file(data[0], arm, wrist.sensor_frame, gravity, accept)
+    tool = replace(tool, robot=wrist.wrist_sensor or "", frame=wrist.sensor_frame or arm.tip)
+    if wrist.tool is not None:
+        save_tool(wrist.tool, tool)
     facts = [("mass", f"{tool.mass:.4f} kg, standard deviation {tool.mass_deviation:.4f} kg")]
     told = (
         ("centre", tool.center, tool.center_deviation, "m in the sensor's axes"),
@@ -278,7 +286,10 @@ def _wrist_tool(data: Sequence[Path], wrist: WristSensor) -> None:
         shown, off = (", ".join(f"{v:.4f}" for v in row) for row in (values, deviations))
         facts.append((name, f"{shown} {unit}, standard deviations {off}"))
     left = ("left", f"{tool.force_rms:.4f} N, {tool.torque_rms:.4f} Nm RMS")
-    print_result(tool._asdict() | {"notes": notes}, [*facts, left], notes=notes)
+    counted = "what holds the tool" if tool.sign < 0.0 else "the load"
+    turned = degrees(hypot(*rotation_vector(tool.rotation)))
+    axes = ("sensor", f"counts {counted}, in axes turned by {turned:.1f} deg from {tool.frame}")
+    print_result(asdict(tool) | {"notes": notes}, [*facts, left, axes], notes=notes)
 
 
 Touching = tuple[str, str]

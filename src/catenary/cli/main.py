@@ -26,7 +26,10 @@ GROUPS: dict[str, dict[str, str]] = {
         "calibrate": "calibrate", "home": "record", "excite": "record", "record": "record", "extract": "calibrate",
         "fit": "fit", "evaluate": "fit", "refresh": "fit", "drift": "fit", "deploy": "calibrate", "demo": "calibrate",
     },
-    "Gravity": {"gravity": "gravity", "track": "gravity", "hold": "gravity", "sense": "sense", "gravity-node": "nodes"},
+    "Gravity": {
+        "gravity": "gravity", "track": "gravity", "hold": "gravity", "sense": "sense", "gravity-node": "nodes",
+        "tool-node": "nodes",
+    },
     "Identify": {
         "excitation": "identify", "identify": "identify", "identify-cable": "identify", "payload": "identify",
         "regressor": "robots",

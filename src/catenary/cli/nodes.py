@@ -1,4 +1,4 @@
-"""catenary serve, button, encoders, gravity-node: simulated robots and devices as topics."""
+"""catenary serve, button, encoders, gravity-node, tool-node: simulated robots and devices as topics."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -14,6 +14,8 @@ import catenary
 from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, MOUNTING_FILE, ReadingOptions, SensingOptions
 from catenary.cli.options import REQUIRED, Triple, group, json_help, option, require_one, values_of
+from catenary.cli.out_files import TOOL, refuse_outputs
+from catenary.cli.recording_options import ACCEPT
 from catenary.cli.robot_options import CARRIER, SIMULATED_SEED, NodeOptions
 from catenary.cli.terminal import announce, print_json_line, print_notes, print_result, prints_json
 from catenary.crtk.dialects import DIALECTS
@@ -23,6 +25,7 @@ from catenary.units import in_words
 if TYPE_CHECKING:
     from catenary.nodes.sensor_nodes import EncoderStatus, GravityStatus
     from catenary.nodes.serve import ServerStatus, Serving
+    from catenary.nodes.tool_node import ToolStatus
 
 _prints_json_lines = json_help("Print a JSON line a second, and one at the end.")
 _DURATION = option("S", "How long to run. [default: until Ctrl-C]", least=0.0)
@@ -267,11 +270,72 @@ def gravity_node(
         raise typer.Exit(FAULT_FOUND)
 
 
+@group
+class ToolTopics:
+    """Options of what the tool's node hears and publishes."""
+
+    wrench: str = option("TOPIC", "The sensor's geometry_msgs/WrenchStamped.", "/wrench")
+    joints: str = option("TOPIC", "The arm's sensor_msgs/JointState.", "/joint_states")
+    gravity: str | None = option("TOPIC", "Gravity of `catenary gravity-node`. [default: of a level base]")
+    topic: str = option("TOPIC", "Topic that wrenches are published on.", "/tool/wrench")
+    frame: str | None = option("FRAME", "Frame of the robot to publish wrenches in. [default: the sensor's own]")
+    inertia: bool = option(None, "Also take out what accelerates the tool.", False)
+    drift: float = option("N/MIN", "Rate of the sensor's zero that is followed while nothing touches.", 0.0, least=0.0)
+    wait: float = option("S", "Publish so late, for joint states about each reading.", 0.03, least=0.0)
+
+
+@_prints_json_lines
+def tool_node(
+    topics: ToolTopics,
+    network: NodeOptions,
+    tool: Path = option("FILE", "The tool, as catenary payload --tool or --weigh writes it.", REQUIRED),
+    robot: str | None = option("ROBOT", "The arm that carries it. [default: the file's]"),
+    weigh: int | None = option("N", "First weigh the tool in N poses at rest, and write --tool.", least=6),
+    sensor_frame: str | None = option("FRAME", "Frame of the sensor. [default: the tip]", goes_with="weigh"),
+    accept: Sequence[str] = ACCEPT,
+    duration: float | None = _DURATION,
+) -> None:
+    """Publish a force/torque sensor's wrench without the tool.
+
+    Drive the arm through the poses to weigh the tool; publish "zero" or "weigh" on TOPIC/command. The exit code is 1
+    when no wrench was published.
+
+    Example: catenary tool-node --tool tool.toml --gravity /gravity --ros 1
+    Example: catenary tool-node --tool tool.toml --weigh 12 --robot ur10e --ros 2
+    """
+    from catenary.nodes.sensor_nodes import publish
+    from catenary.nodes.tool_node import TOOL_RATE, ToolNode
+    from catenary.sensing.wrist_tool import load_tool, save_tool
+
+    known = None if weigh is not None else load_tool(tool)
+    carrier = robot or ("" if known is None else known.robot)
+    if not carrier:
+        raise InputError("--robot: expected the arm that carries the tool")
+    if known is None:
+        refuse_outputs({"--tool": (tool, TOOL)})
+    options = values_of(topics, "wrench", "joints", "gravity", "topic", "frame", "inertia", "wait")
+    options |= {"drift": topics.drift / 60.0, "sensor_frame": sensor_frame, "poses": weigh or 12, "accept": accept}
+    with network.joined("tool") as transport:
+        print_notes([f"waiting for wrenches on {topics.wrench} and joints on {topics.joints}"])
+        node = ToolNode(
+            transport,
+            catenary.load_robot(carrier),
+            known,
+            weighed=lambda found: save_tool(tool, replace(found, robot=carrier)),
+            **options,
+        )
+        show = _shown(_tool_line)
+        final = publish(node, rate_hz=TOOL_RATE, duration=duration, show=show)
+    show(final, final=True)
+    if not final.published:
+        raise typer.Exit(FAULT_FOUND)
+
+
 def _shown(line: Callable[[Any], tuple[str, Sequence[str]]]) -> Callable[..., None]:
     """Return what prints a status: as JSON, or as a line to read and those remarks that are new."""
     said: list[str] = []
 
-    def show(status: "EncoderStatus | GravityStatus", *, final: bool = False) -> None:
+    def show(status: "EncoderStatus | GravityStatus | ToolStatus", *, final: bool = False) -> None:
         if prints_json():
             print_json_line({"final": status.as_data()} if final else status.as_data())
             return
@@ -302,3 +366,14 @@ def _gravity_line(status: "GravityStatus") -> tuple[str, Sequence[str]]:
     vector = f"gravity {x:+7.3f} {y:+7.3f} {z:+7.3f} m/s2 in axes of {status.base}"
     text = f"{status.seconds:7.0f} s  {vector}, tilt {tilt:.2f} deg, {state}"
     return text, status.warnings
+
+
+def _tool_line(status: "ToolStatus") -> tuple[str, Sequence[str]]:
+    x, y, z, *torque = status.wrench
+    told = f"force {x:+7.2f} {y:+7.2f} {z:+7.2f} N, torque {torque[0]:+6.3f} {torque[1]:+6.3f} {torque[2]:+6.3f} Nm"
+    off = (
+        f"off by {max(status.deviation[:3]):.2g} N, {1000.0 * status.age_s:.0f} ms old"
+        if status.published
+        else "none yet"
+    )
+    return f"{status.seconds:7.0f} s  {status.status}  {told}, {off}", status.warnings

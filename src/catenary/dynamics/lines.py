@@ -9,6 +9,7 @@ Torques of gravity need every link's mass and its centre, those of motion and ma
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,7 +33,8 @@ from catenary.dynamics.recursion import (
 )
 from catenary.errors import InputError
 from catenary.kernels.tracing import Line, Term, Trace, TracedFunctions
-from catenary.robots.model import RobotModel, Tree
+from catenary.robots.link_inertia import LinkInertia
+from catenary.robots.model import Frame, RobotModel, Tree
 
 Terms = NDArray[np.object_]
 # products of rotations that are meant to be 0 or 1 miss it by some 1e-16; far less than any robot is measured to
@@ -119,6 +121,27 @@ def inverse_dynamics_line(model: RobotModel, loads: ActuationLoads | None = None
 
 def newton_euler_terms(p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, moving_base: bool = True) -> list[Term]:
     """Return the torques of a motion; gravity, and a moving base's rates, become inputs."""
+    return _to_robot(p.coupling, _newton_euler(p, qd, qdd, moving_base=moving_base)[2])
+
+
+def carried_load_line(model: RobotModel, frame: Frame, body: LinkInertia) -> Line:
+    """Trace the force and moment (6,) by which a body loads the frame that carries it, in its axes, about its origin.
+
+    Inputs q, qd, qdd (n,) and gravity (3,). Only the body needs an inertia.
+    """
+    tree, (link, pose) = model.tree, frame
+    own = Tree(link, False, pose.rotation, pose.position, [0.0, 0.0, 1.0], body.mass, body.com, body.inertia)  # type: ignore[arg-type]
+    weightless = tree._replace(mass=0.0 * tree.mass, inertia=0.0 * tree.inertia)
+    grown = Tree(*(np.concatenate([each, np.asarray(one)[None]]) for each, one in zip(weightless, own, strict=True)))
+    coupling, offset = np.vstack([model.coupling, np.zeros(model.n)]), np.append(model.offset, 0.0)
+    p = placed(replace(model, tree=grown, coupling=coupling, offset=offset, axes_of_com=np.ones((0, 3), dtype=bool)))
+    qd, qdd = p.trace.inputs("qd", model.n), p.trace.inputs("qdd", model.n)
+    force, moment, _ = _newton_euler(p, qd, qdd, moving_base=False)
+    return p.trace.line([-each for part in (force, moment) for each in part[len(p.tree.parent) - 1]])
+
+
+def _newton_euler(p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, moving_base: bool) -> tuple[Terms, ...]:
+    """Return forces, moments and torques (m, ...) of a motion, as the recursion writes them."""
     m = len(p.tree.parent)
     omega, alpha, acceleration, torque = empty(m + 1, 3), empty(m + 1, 3), empty(m + 1, 3), empty(m)
     acceleration[m] = -p.trace.inputs("gravity", 3)
@@ -128,7 +151,7 @@ def newton_euler_terms(p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, mo
     rates = _to_tree(p.coupling, qd), _to_tree(p.coupling, qdd)
     work = empty(m + 1, 3), empty(m + 1, 3)
     newton_euler_recursion(p.tree, p.rotation, p.position, *rates, omega, alpha, acceleration, *work, torque)
-    return _to_robot(p.coupling, torque)
+    return *work, torque
 
 
 def forward_kinematics_line(model: RobotModel, frame: str | None = None) -> Line:

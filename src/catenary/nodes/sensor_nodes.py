@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -258,8 +258,20 @@ class EncoderNode:
         return EncoderStatus(seconds, reading, self.robot, dict(self.published), len(listeners), is_up)
 
 
+class SteppedNode(Protocol):
+    """What is stepped at a rate."""
+
+    transport: Transport
+
+    def step(self) -> Any:
+        """Publish what there is now."""
+
+    def status(self, seconds: float) -> Any:
+        """Return the status, `seconds` after the begin."""
+
+
 def publish(
-    node: EncoderNode | GravityNode,
+    node: SteppedNode,
     *,
     rate_hz: float,
     duration: float | None = None,

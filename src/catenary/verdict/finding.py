@@ -44,6 +44,7 @@ _KINDS = (  # in the order of severity: by how much, and how surely, each makes 
     FindingKind("gravity", "gravity that pulled along another direction than stated"),
     FindingKind("offset", "a joint's position, or its torque, with another zero"),
     FindingKind("arm", "a load, or a drive that joints share, which the robot's file lacks"),
+    FindingKind("cable", "forces at a tool that something else than its weight explains"),
     FindingKind("friction", "friction other than was identified"),
     FindingKind("tested", "recordings both fitted to and tested on"),
     FindingKind("twice", "minutes that are in the data twice"),

@@ -77,6 +77,21 @@ static inline void {{ name }}_feedforward(const double *q, const double *qd, con
 }
 
 {% endif %}
+{% if tool %}
+/* Load out[6] [N, Nm] of the tool ({{ "%.4g" | format(tool.mass) }} kg) on its sensor, in the sensor's axes, in a motion
+   q, qd, qdd of joints; zeros for qd and qdd leave its weight. */
+{{ function("tool_load", tool_load) }}
+/* What else acts on the tool: out[6], of reading[6] as the sensor gives it, less its bias, the load, and zero[6], that has
+   drifted since the tool was weighed. */
+static inline void {{ name }}_without_tool(const double *q, const double *qd, const double *qdd, const double *gravity,
+    const double *reading, const double *zero, double *out) {
+  static const double bias[6] = { {{- (tool.bias | values)[1:-1] -}} };
+  int k;
+  {{ name }}_tool_load(q, qd, qdd, gravity, out);
+  for (k = 0; k < 6; ++k) out[k] = {{ tool.sign }} * (reading[k] - bias[k]) - zero[k] - out[k];
+}
+
+{% endif %}
 {% if calibration %}
 #define {{ name | upper }}_SIGNALS {{ signals | length }}
 {% set count = calibration.joint_names | length %}

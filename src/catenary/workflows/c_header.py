@@ -27,6 +27,8 @@ from catenary.kernels.c_functions import Functions, Value
 from catenary.kernels.tracing import evaluate
 from catenary.plant import Jointed, joints_text
 from catenary.robots.model import RobotModel
+from catenary.sensing.tool_compensation import tool_line
+from catenary.sensing.wrist_tool import WristTool
 from catenary.spatial import LEVEL
 
 
@@ -45,6 +47,7 @@ def c_header(
     *,
     rate_hz: float = 1000.0,
     loads: ActuationLoads | None = None,
+    tool: WristTool | None = None,
 ) -> Header:
     """Write a robot's law of motion, regressors of gravity and joint correction as one self-contained C99 header.
     No memory is allocated, nothing but math.h is called, and it is valid C++11. Where links have masses but no possible
@@ -54,6 +57,7 @@ def c_header(
         rate_hz: Of the loop that the correction will run in; matters where it is slower than the training rows.
         loads: Friction, rotors, springs and known torques, which the feedforward then includes; those that the robot
             brings, as an identified one does, when None.
+        tool: Behind the force/torque sensor at the robot's wrist.
     """
     known: CalibrationModel | RobotModel | None = model if model is not None else calibration
     if known is None:
@@ -92,6 +96,10 @@ def c_header(
                 notes.append(f"{told_of} is written as in steady sliding, where it is Coulomb friction")
             functions += ["mass_matrix", "holding", "inverse_dynamics"]
             functions += [*(["friction", "drives"] if loads is not None else []), "feedforward"]
+        if tool is not None:
+            model.require_masses()
+            told |= {"tool": tool, "tool_load": tool_line(model, tool)}
+            functions += ["tool_load", "without_tool"]
     if calibration is not None:
         told |= _correction(calibration, Corrector(calibration, rate_hz=rate_hz), name, rate_hz)
         functions += ["reset", "correct", "interval"]

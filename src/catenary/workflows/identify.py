@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary.arrays import Floats, as_array
+from catenary.arrays import Floats
 from catenary.dynamics.external_torque import IN_95_PERCENT, ExternalTorque, external_wrench
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
@@ -34,7 +34,7 @@ from catenary.recording.logs import Reading, read_torque_log
 from catenary.robots.catalog import load_robot
 from catenary.robots.cut import lock_joints
 from catenary.robots.model import RobotModel
-from catenary.sensing.wrist_tool import WristTool, fit_wrist_tool, wrist_tool_findings
+from catenary.sensing.wrist_tool import WristTool, weigh_tool
 from catenary.units import TORQUE_UNIT
 from catenary.verdict.check import repeated_findings
 from catenary.verdict.finding import judge, require_names
@@ -474,15 +474,14 @@ SENSED = ("fx", "fy", "fz", "tx", "ty", "tz")  # [N], [Nm] in the sensor's axes
 
 
 def wrist_tool_of_file(
-    path: Path, model: RobotModel, frame: str | None, gravity: ArrayLike
+    path: Path, model: RobotModel, frame: str | None, gravity: ArrayLike, accept: Sequence[str] = ()
 ) -> tuple[WristTool, list[str]]:
-    """Fit mass, centre of mass and biases to a table with a row for each pose at rest: joints by name, and SENSED.
+    """Weigh a tool by a table with a row for each pose at rest: joints by name, and SENSED.
 
-    Returns what was found, and what is doubtful about it.
+    Returns what was found, and notes on what was accepted of it.
     The arm carries the sensor on a frame, its tip when None; gravity (3,) is in base axes [m/s2].
     """
     rows = read_rows(path, (*model.joint_names, *SENSED))
     q, force, torque = np.split(rows, [model.n, model.n + 3], axis=1)
-    rotation = forward_kinematics(model, q, frame).rotation
-    tool = fit_wrist_tool(force, torque, as_array("gravity", gravity, (3,)) @ rotation)  # R_base_sensor^T g
-    return tool, judge([(path.name, each) for each in wrist_tool_findings(tool, force, rotation, gravity)])
+    tool, doubts = weigh_tool(force, torque, forward_kinematics(model, q, frame), gravity)
+    return tool, judge([(path.name, each) for each in doubts], accept, done="weighed")

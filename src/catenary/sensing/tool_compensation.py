@@ -1,0 +1,285 @@
+"""What acts on a tool, live: readings of a wrist's force/torque sensor less the tool's weight, its inertia and a zero.
+
+wrench = sign (reading - bias) - zero - load; the load is m (g - a) and its moment about the sensor's origin, in its
+axes, by recursive Newton-Euler (dynamics/lines.py) at the joints' positions and rates when the sensor read.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from catenary.arrays import Floats, as_array, as_not_negative
+from catenary.dynamics.kinematics import forward_kinematics
+from catenary.dynamics.lines import carried_load_line
+from catenary.dynamics.robot_kernels import forward_kinematics_kernel
+from catenary.kernels.kernel import Kernel
+from catenary.kernels.tracing import Line
+from catenary.robots.link_inertia import LinkInertia, symmetric
+from catenary.robots.model import Frame, RobotModel
+from catenary.sensing.wrist_tool import WristTool, weigh_tool
+from catenary.spatial import Pose, angle_between
+from catenary.verdict.finding import Finding
+
+_WINDOW_S = 0.03  # [s] of joint states that an acceleration is found from
+_LEAST_STATES, _KEPT_STATES = 4, 400  # of them, where they come seldom; at 1 kHz, for readings that come late
+_VELOCITY_WEIGHT_S = 0.01  # [s] by which errors of velocities count as errors of positions
+_STILL_SPEED = 0.02  # [rad/s or m/s] of a joint at rest
+_DWELL_S, _SETTLE_S = 0.7, 0.2  # [s] at rest for a pose, of which the first are left out
+_APART_RAD = 0.2  # [rad] between directions of gravity of poses that count as two
+_ZERO_S, _ZERO_PATIENCE_S = 0.5, 5.0  # [s] at rest that a zero is a mean over, and to wait for rest
+_NOISE_READINGS = 200.0  # readings that the sensor's noise is a mean over
+_SMOOTHING_S = 0.5  # [s] over which contact is told from drift
+_CONTACT_SIGMAS = 4.0  # standard deviations: more is no drift of a zero
+_DRAG_POSES, _DRAG_SIGMAS = 6, 4.0  # poses of which half show more than so many standard deviations of force
+# of the tool's inertial load, by which accelerations are off: by parabolas up to now, and about a time before it
+_LAGGING_SHARE, _CENTERED_SHARE = 0.05, 0.02
+
+
+def tool_line(model: RobotModel, tool: WristTool) -> Line:
+    """Trace a tool's load on its sensor, force and moment (6,) in the sensor's axes; inputs q, qd, qdd and gravity."""
+    link, pose = model.frame(tool.frame or None)
+    body = LinkInertia(tool.mass, tool.center, symmetric(tool.inertia))
+    return carried_load_line(model, Frame(link, pose @ Pose(tool.rotation, np.zeros(3))), body)
+
+
+class JointMotion:
+    """Positions, velocities and accelerations at a time, by a parabola through joint states about it.
+
+    The parabola spans 30 ms up to the newest state, and lags; or, for times `wait` [s] before that, twice as much
+    about the time itself, and hardly errs.
+    """
+
+    def __init__(self, n: int, wait: float = 0.0) -> None:
+        self.n, self.wait = n, float(as_not_negative("wait", wait))
+        self._window = 2.0 * self.wait or _WINDOW_S
+        self._states = deque[tuple[float, Floats, Floats]](maxlen=_KEPT_STATES)
+
+    @property
+    def newest(self) -> float:
+        """Time of the newest state [s]; -infinity before the first."""
+        return self._states[-1][0] if self._states else -np.inf
+
+    def put(self, time: float, q: ArrayLike, qd: ArrayLike | None = None) -> None:
+        """Take q (n,) [rad|m] and, where measured, qd (n,) at a time [s]; what is not newer than the last is not."""
+        rates = np.full(self.n, np.nan) if qd is None else as_array("qd", qd, (self.n,), finite=False)
+        if time > self.newest:
+            self._states.append((time, as_array("q", q, (self.n,)).copy(), rates.copy()))
+
+    def at(self, time: float) -> Floats:
+        """Return q, qd and qdd (3, n) at a time [s]; rates that nothing shows are zero."""
+        end = max(min(time + 0.5 * self._window, self.newest), self._states[0][0])
+        recent = list[tuple[float, Floats, Floats]]()
+        for state in reversed(self._states):
+            if len(recent) >= _LEAST_STATES and state[0] < end - self._window:
+                break
+            if state[0] <= end:
+                recent.append(state)
+        times, q, qd = (np.array(column) for column in zip(*recent, strict=True))
+        t, one = times - times[0], np.ones(len(times))
+        A, y = np.column_stack([one, t, 0.5 * t * t]), q
+        if np.isfinite(qd).all():
+            A = np.vstack([A, _VELOCITY_WEIGHT_S * np.column_stack([0.0 * one, one, t])])
+            y = np.vstack([q, _VELOCITY_WEIGHT_S * qd])
+        scale = np.array([1.0, self._window, self._window**2])  # numbers alike: what nothing shows becomes zero
+        found, ahead = np.linalg.lstsq(A / scale, y, rcond=1e-8)[0] / scale[:, None], time - times[0]
+        return np.array([[1.0, ahead, 0.5 * ahead**2], [0.0, 1.0, ahead], [0.0, 0.0, 1.0]]) @ found
+
+
+class RestPose(NamedTuple):
+    """What a sensor read in a pose at rest."""
+
+    q: Floats  # (n,) [rad|m]
+    reading: Floats  # (6,) mean [N, Nm]
+    noise: float  # standard deviation of the mean of forces [N]
+    gravity: Floats  # (3,) in base axes [m/s2]
+
+
+class RestPoses:
+    """Gathers poses at rest in which gravity points differently, seen from the sensor; the newest of those alike."""
+
+    def __init__(self, model: RobotModel, frame: str | None = None) -> None:
+        """Take an arm and the frame of its sensor; the tip when None."""
+        model.frame(frame)
+        self.model, self.frame = model, frame
+        self.poses: list[RestPose] = []
+        self._dwell: list[tuple[float, Floats, Floats]] = []
+
+    def add(self, time: float, q: Floats, qd: Floats, reading: Floats, gravity: Floats) -> bool:
+        """Take a reading (6,), with q and qd (n,) and gravity (3,) of its time [s]; return whether a pose is new."""
+        if np.abs(qd).max() > _STILL_SPEED:
+            self._dwell.clear()
+            return False
+        self._dwell.append((time, q, reading))
+        begin = self._dwell[0][0]
+        if time - begin < _DWELL_S:
+            return False
+        readings = np.array([row for at, _, row in self._dwell if at - begin >= _SETTLE_S])
+        self._dwell.clear()
+        if len(readings) < 4:
+            return False
+        halves = [part.mean(axis=0) for part in np.array_split(readings, 2)]
+        noise = float(np.sqrt(np.mean((halves[0] - halves[1])[:3] ** 2))) / 2.0
+        new = RestPose(q, readings.mean(axis=0), noise, gravity)
+        kept = [pose for pose in self.poses if angle_between(self._down(pose), self._down(new)) > _APART_RAD]
+        is_new = len(kept) == len(self.poses)
+        self.poses = [*kept, new]
+        return is_new
+
+    def weigh(self) -> tuple[WristTool, list[Finding]]:
+        """Return the tool that the poses show, and doubts, as `weigh_tool`."""
+        q, readings, noise, gravity = (np.array(column) for column in zip(*self.poses, strict=True))
+        placed = forward_kinematics(self.model, q, self.frame)
+        rms = float(np.sqrt(np.mean(noise**2)))
+        return weigh_tool(readings[:, :3], readings[:, 3:], placed, gravity, noise=rms)
+
+    def _down(self, pose: RestPose) -> Floats:
+        return pose.gravity @ forward_kinematics(self.model, pose.q, self.frame).rotation
+
+
+class ToolReading(NamedTuple):
+    """What acts on the tool beyond its own load, and how far one such reading may be off."""
+
+    wrench: Floats  # (6,) force [N] and moment about the frame's origin [Nm], in the frame's axes
+    deviation: Floats  # (6,) standard deviations: the sensor's noise, the tool's numbers, the zero, what is left in
+
+
+class ToolCompensation:
+    """Readings less the tool, for loops and topics: `motion.put` for joint states, `update` for each reading.
+
+    Without `inertia` the load by the tool's own motion stays in, and in the deviation.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        tool: WristTool,
+        *,
+        frame: str | None = None,
+        inertia: bool = False,
+        drift: float = 0.0,
+        wait: float = 0.0,
+        gravity_deviation: float = 0.0,
+    ) -> None:
+        """Take an arm and the tool at its sensor, and compile.
+
+        Args:
+            frame: Of the robot, whose axes and origin wrenches are given in; the sensor's own when None.
+            inertia: Take out what accelerates the tool, too.
+            drift: Largest rate of the sensor's zero, [N/s] and a tenth of it [Nm/s], that is followed while nothing
+                touches the tool.
+            wait: By which readings are older than the newest joint state [s]; see `JointMotion`.
+            gravity_deviation: Standard deviation of gravity [m/s2].
+        """
+        self.model, self.tool, self.inertia = model, tool, inertia
+        self.motion, self.rests = JointMotion(model.n, wait), RestPoses(model, tool.frame or None)
+        self._rate = float(as_not_negative("drift", drift)) * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
+        self._load = Kernel("tool-load", tool_line(model, tool), (6,)).ready()
+        self._sensor = forward_kinematics_kernel(model, tool.frame or None)
+        self._target = None if frame is None else forward_kinematics_kernel(model, frame)
+        self.zero = np.zeros(6)  # beyond the tool's bias
+        self._zero_variance = np.r_[tool.force_bias_deviation, tool.torque_bias_deviation] ** 2
+        self._model_variance = _tool_variance(tool, float(as_not_negative("gravity_deviation", gravity_deviation)))
+        self._noise, self._before, self._count = np.zeros(6), np.full(6, np.nan), 0.0  # variance; reading before
+        self._time = self._followed = np.nan
+        self._smooth, self._zeroing = np.zeros(6), list[tuple[float, Floats]]()
+        self._asked, self.complaint = np.nan, ""
+
+    def begin_zero(self, time: float) -> None:
+        """Take what the sensor reads beyond the tool in the next half second at rest for its zero."""
+        self._asked, self.complaint = time, ""
+        self._zeroing.clear()
+
+    @property
+    def is_zeroing(self) -> bool:
+        """Whether a zero was asked for, and is not yet found."""
+        return bool(np.isfinite(self._asked))
+
+    def update(self, time: float, reading: ArrayLike, gravity: ArrayLike) -> ToolReading:
+        """Return what acts on the tool at a time [s]; reading (6,) [N, Nm] as read, gravity (3,) in base axes [m/s2].
+
+        Needs a joint state before.
+        """
+        raw, down = as_array("reading", reading, (6,)), as_array("gravity", gravity, (3,))
+        q, qd, qdd = self.motion.at(time)
+        resting, moving = self._load(q, 0.0 * qd, 0.0 * qdd, down), self._load(q, qd, qdd, down)
+        beyond = self.tool.sign * (raw - self.tool.bias) - (moving if self.inertia else resting)
+        self._learn_noise(raw)
+        if self.is_zeroing:
+            self._take_zero(time, beyond, bool(np.abs(qd).max() <= _STILL_SPEED))
+        share = _CENTERED_SHARE if self.motion.wait else _LAGGING_SHARE
+        left_in = (moving - resting) * (share if self.inertia else 1.0)
+        unsure = self._model_variance + self._zero_variance + left_in**2
+        self._follow(time, beyond, unsure)
+        waited = self._rate * max(0.0, time - self._followed) if np.isfinite(self._followed) else 0.0 * self._rate
+        if self.rests.add(time, q, qd, raw, down) and len(self.rests.poses) >= _DRAG_POSES:
+            self._look_for_drag()
+        X = self._to_target(q)
+        variance = unsure + self._noise + waited**2
+        return ToolReading(X @ (beyond - self.zero), np.sqrt(X**2 @ variance))
+
+    def _learn_noise(self, raw: Floats) -> None:
+        """Average half the squared steps between readings, which motion hardly changes."""
+        if np.isfinite(self._before).all():
+            self._count = min(self._count + 1.0, _NOISE_READINGS)
+            self._noise += (0.5 * (raw - self._before) ** 2 - self._noise) / self._count
+        self._before = raw.copy()
+
+    def _take_zero(self, time: float, beyond: Floats, is_still: bool) -> None:
+        if not is_still:
+            self._zeroing.clear()
+            if time - self._asked > _ZERO_PATIENCE_S:
+                self._asked, self.complaint = np.nan, "no zero: the arm moves"
+            return
+        self._zeroing.append((time, beyond))
+        if time - self._zeroing[0][0] >= _ZERO_S:
+            rows = np.array([row for _, row in self._zeroing])
+            self.zero, self._smooth = rows.mean(axis=0), np.zeros(6)
+            halves = [part.mean(axis=0) for part in np.array_split(rows, 2)]
+            self._zero_variance = 0.25 * (halves[0] - halves[1]) ** 2 + self._noise / len(rows)
+            self._asked, self._followed = np.nan, time
+
+    def _follow(self, time: float, beyond: Floats, unsure: Floats) -> None:
+        """Move the zero towards what is read, at most at its rate, and not in a contact."""
+        elapsed = time - self._time if np.isfinite(self._time) else 0.0
+        self._time = time
+        self._smooth += min(1.0, max(0.0, elapsed) / _SMOOTHING_S) * (beyond - self.zero - self._smooth)
+        bound = _CONTACT_SIGMAS * np.sqrt(unsure + 0.05 * self._noise)
+        if (np.abs(self._smooth) <= bound).all():
+            step = np.clip(self._smooth, -self._rate * elapsed, self._rate * elapsed)
+            self.zero, self._smooth, self._followed = self.zero + step, self._smooth - step, time
+
+    def _look_for_drag(self) -> None:
+        """Complain of forces that stay at rest in half of the last poses or more: no contact lasts over so many."""
+        still = np.zeros(self.model.n)
+        poses = self.rests.poses[-_DRAG_POSES:]
+        loads = np.array([self._load(pose.q, still, still, pose.gravity) for pose in poses])
+        readings = np.array([pose.reading for pose in poses])
+        left = np.linalg.norm((self.tool.sign * (readings - self.tool.bias) - loads - self.zero)[:, :3], axis=1)
+        usual = float(np.sqrt(np.sum((self._model_variance + self._zero_variance)[:3])))
+        size = float(np.median(left))
+        self.complaint = ""
+        if size > _DRAG_SIGMAS * usual:
+            self.complaint = (
+                f"{size:.2g} N are left at rest in {len(poses)} poses, where {usual:.2g} N are usual: a cable drags, "
+                "the zero has drifted, or the tool is another one; zero it, or weigh it again"
+            )
+
+    def _to_target(self, q: Floats) -> Floats:
+        """Return what takes wrenches (6,) from the sensor to the frame that was asked for, (6, 6)."""
+        if self._target is None:
+            return np.eye(6)
+        here, there = self._sensor(q), self._target(q)
+        R, lever = there[:, :3].T @ here[:, :3] @ self.tool.rotation, there[:, :3].T @ (here[:, 3] - there[:, 3])
+        x, y, z = lever
+        moved = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        return np.block([[R, np.zeros((3, 3))], [moved @ R, R]])
+
+
+def _tool_variance(tool: WristTool, gravity_deviation: float) -> Floats:
+    """Return the variance (6,) of a tool's load by its numbers, by gravity, and what the poses left."""
+    g, reach = 9.81, float(np.linalg.norm(tool.center))
+    force = (tool.mass_deviation * g) ** 2 + (tool.mass * gravity_deviation) ** 2 + tool.force_rms**2
+    moment = (tool.mass * g * tool.center_deviation) ** 2 + (tool.mass * reach * gravity_deviation) ** 2
+    return np.concatenate([np.full(3, force), moment + tool.torque_rms**2])
