@@ -75,7 +75,7 @@ class HandGuiding(GravityHold):
         spread = as_not_negative("deviation", deviation, np.shape(deviation))
         self.observer = MomentumObserver(model, loads=loads, deviation=spread)
         self.state: GuidingState = "weighing"
-        self._held: Floats | None = None
+        self._held_at: Floats | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -104,12 +104,12 @@ class HandGuiding(GravityHold):
             self.feedforward += A @ self.load
         self.feedback[:] = -self.damping * self.pd.kd * state.qd
         if self.state != "guided":
-            self._held = state.q.copy() if self._held is None else self._held
-            self.feedback[:] = self.pd.kp * (self._held - state.q) - self.pd.kd * state.qd
+            self._held_at = state.q.copy() if self._held_at is None else self._held_at
+            self.feedback[:] = self.pd.kp * (self._held_at - state.q) - self.pd.kd * state.qd
         return self.feedback + self.feedforward
 
     def _hold(self) -> None:
-        self.state, self._held = "weighing", None
+        self.state, self._held_at = "weighing", None
         self._known = self._now = np.zeros((4, 4)), np.zeros(4)  # what poses tell of the load, as normal equations
         self._since = self._still = self._falling = 0.0  # [s]
 
