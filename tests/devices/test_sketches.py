@@ -1,7 +1,6 @@
-"""The sketch of docs/devices.md, built for this machine against a pretended Arduino, and listened to."""
+"""Sketches of boards, built for this machine against a pretended Arduino, and listened to."""
 
 import itertools
-import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -12,7 +11,7 @@ import pytest
 from catenary.devices.accelerometer import BoardSample, Hello, parse_line
 from catenary.devices.encoder_board import CountTracker, EncoderRig, Verdict, parse_counts
 
-PAGE = Path(__file__).parents[2] / "docs" / "devices.md"
+BOARDS = Path(__file__).parents[2] / "examples" / "boards"
 # raw counts: 1 g up along z, 10 deg/s about x; time goes by a millisecond whenever it is asked for
 WIRE = r"""
 #include <cstdint>
@@ -35,9 +34,7 @@ struct { int at = 0; void begin() {} void setClock(long) {} void beginTransmissi
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler to build the sketch with")
 def test_the_sketch_speaks_the_protocol(tmp_path):
-    sketch = re.search(r"```text\n(#include <Wire.h>.*?)```", PAGE.read_text(), re.DOTALL)
-    assert sketch is not None
-    source = WIRE + sketch.group(1).replace("#include <Wire.h>", "")
+    source = WIRE + (BOARDS / "mpu6050.ino").read_text().replace("#include <Wire.h>", "")
     (tmp_path / "sketch.cpp").write_text(source + "int main() { setup(); for (int i = 0; i < 2000; i++) loop(); }\n")
     subprocess.run(["g++", "-Wall", "-Werror", "-o", tmp_path / "sketch", tmp_path / "sketch.cpp"], check=True)
     out = subprocess.run([tmp_path / "sketch"], capture_output=True, text=True, check=True).stdout
@@ -97,9 +94,7 @@ struct { void begin(long) {} void print(const char *s) { fputs(s, stdout); } } S
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler to build the sketch with")
 def test_the_sketch_sends_rows_that_the_driver_believes(tmp_path: Path) -> None:
-    sketch = re.search(r"```text\n(#include <SPI.h>.*?)```", PAGE.read_text(), re.DOTALL)
-    assert sketch is not None
-    source = SPI + sketch.group(1).replace("#include <SPI.h>", "")
+    source = SPI + (BOARDS / "three_ls7366r.ino").read_text().replace("#include <SPI.h>", "")
     end = "int main() { setup(); for (int i = 0; i < 8000; i++) loop(); return !(mode_0[2] == 3 && mode_1[1] == 0); }\n"
     (tmp_path / "sketch.cpp").write_text(source + end)
     built = tmp_path / "sketch"
