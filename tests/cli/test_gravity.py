@@ -186,7 +186,7 @@ def test_every_command_that_takes_a_payload_computes_with_it(tmp_path: Path) -> 
     assert catenary("export", "ur10e", "--c", heavy, *LOAD).code == 0
     assert catenary("export", "ur10e", "--c", light).code == 0
     assert heavy.read_text() != light.read_text()
-    assert "--payload, --friction and --viscous are for a robot" in refusal(
+    assert "--payload, --friction, --viscous and --tool are for a robot" in refusal(
         "export", "--model", "model.npz", "--c", tmp_path / "x.h", *LOAD
     )
     assert catenary("plot", "ur10e", "--out", tmp_path / "arm.png", *LOAD).code == 0

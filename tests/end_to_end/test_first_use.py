@@ -36,7 +36,7 @@ def test_the_model_takes_most_of_the_error_away_on_another_day(folder: Path) -> 
     result = outcome.json
     assert result["seen_in_training"] == []
     assert all(joint["rmse"] < 0.05 * joint["raw_rmse"] for joint in result["joints"])
-    assert "Joint J3" in (folder / "tuesday.html").read_text()
+    assert "J3: RMSE" in (folder / "tuesday.html").read_text()
 
 
 @pytest.mark.parametrize(("name", "kind"), [("monday.npz", "recording"), ("arm.npz", "calibration model")])

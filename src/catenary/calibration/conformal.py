@@ -85,7 +85,8 @@ def expected(
     known = np.sqrt(np.mean(np.square(fitted), axis=0)) / np.exp(of_blocks.mean(axis=0))
     mean, offset = (np.array([getattr(s, name) for s in spread]) for name in ("rmse_mean", "offset_rmse_mean"))
     fitted_share = _FITTED_WEIGHT * np.minimum(known, 1.0) + 1.0 - _FITTED_WEIGHT
-    more = np.sqrt(np.mean(np.square(of_others), axis=0) / np.mean(np.square(errors.after_model), axis=0))
+    squares = np.maximum(np.mean(np.square(errors.after_model), axis=0), _LEAST_SQUARE)
+    more = np.sqrt(np.mean(np.square(of_others), axis=0) / squares)
     low = mean * np.minimum(np.exp(-times(of_blocks)), fitted_share)
     high = mean * np.maximum(more, 1.0) * np.exp(times(_log_rmse(of_others, errors.stretch))) * widening
     names = ["rmse_low", "rmse_high", "rmse_margin"]
