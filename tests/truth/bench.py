@@ -127,7 +127,8 @@ def judged(
         says = f"{says}; {_range(claims.held_low[least], claims.held_high[least], '.0%')}"
         truth = f"{truth}; q{least + 1} {found[least]:.0%}"
         held = held and bool((outside <= CLOSE_COVERAGE).all())
-        held = held and bool((claims.held_high - claims.held_low <= VAGUE_COVERAGE).all())
+        most = VAGUE_COVERAGE if np.isfinite(vague) else 1.0
+        held = held and bool((claims.held_high - claims.held_low <= most).all())
     return says, truth, held
 
 
