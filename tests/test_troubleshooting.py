@@ -34,7 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         np.savez(path / name, q_des=q_des, q_act=q_act, ok=np.ones(rows, dtype=bool), t=t[:rows])
 
     write("good.npz", q, seen)
-    write("far.npz", 1.8 * q, 1.8 * seen)
+    write("far.npz", 6.0 * q, 6.0 * seen)
     write("degrees.npz", np.rad2deg(q), np.rad2deg(seen))
     (path / "notes.csv").write_text("hello\nworld\n")
     (path / "arm.toml").write_text('name = "a"\nconvention = "modified"\nsource = ["x"]\n')

@@ -83,6 +83,33 @@ def test_lost_turns_are_told_as_turns_whatever_else_they_look_like(turn: float) 
     assert (found.name, found.joints) == ("turns", ("J4",))
 
 
+@pytest.mark.parametrize("joint", [0, 2])
+@pytest.mark.parametrize("share", [0.5, 0.8])
+def test_a_counter_that_wraps_at_any_period_is_told_with_it_and_mended_as_told(joint: int, share: float) -> None:
+    log = recording()
+    assert log.q_encoder is not None
+    own = log.q_encoder[:, joint]
+    period, first = share * np.ptp(own), own.min() - 0.1 * np.ptp(own)
+    wrapped = log.q_encoder.copy()
+    wrapped[:, joint] = first + (own - first) % period
+    (found,) = [each for each in findings_of(replace(log, q_encoder=wrapped)) if each.refuses]
+    assert (found.name, found.joints) == ("turns", (log.joint_names[joint],))
+    told = re.search(r"-= ([0-9.]+)", found.remedy)
+    assert told
+    assert float(told[1]) == pytest.approx(period, rel=0.05)
+    error = wrapped[:, joint] - log.q_nominal[:, joint]
+    wrapped[:, joint] -= period * np.round((error - np.median(own - log.q_nominal[:, joint])) / period)
+    assert refusals(replace(log, q_encoder=wrapped)) == []
+
+
+def test_a_sensor_that_hardly_moves_is_no_counter_that_wraps() -> None:
+    log = recording()
+    assert log.q_encoder is not None
+    still = log.q_encoder.copy()
+    still[:, 0] = 0.01 * np.sign(still[:, 0])  # of a joint that moves to and fro
+    assert "turns" not in refusals(replace(log, q_encoder=still))
+
+
 def test_a_copy_in_single_precision_is_a_copy() -> None:
     log = copied(recording(), slice(None))
     assert log.q_encoder is not None

@@ -32,7 +32,7 @@ _KINDS = (  # in the order of severity: by how much, and how surely, each makes 
     FindingKind("copied", "a measurement that is the command itself"),
     FindingKind("mixed", "a measurement that is a sum of several joints' commands"),
     FindingKind("scale", "a measurement that moves more, or less, than a cable lets it"),
-    FindingKind("turns", "measurements whole or half turns from the others"),
+    FindingKind("turns", "measurements whole or half turns, or a counter's period, from the others"),
     FindingKind("clock", "two clocks that run apart, joints that lie unlike times behind, or rows that one clock lost"),
     FindingKind("delay", "measurements that lie a time behind their commands, or before them"),
     FindingKind("zeros", "rows of zeros marked as measured"),

@@ -32,6 +32,7 @@ _HALF_TURN_DEG = 180.0  # [deg]
 _NEAR_TURN_SHARE = 0.2  # of a half turn, within which an error is a turn: wrists are 20 deg off
 _MIN_NEAR_SHARE = 0.9  # of the rows, that stand near some turn: numbers in degrees lie anywhere
 _MIN_TURNED_SHARE = 0.05  # of the rows: fewer are single wild measurements
+_WRAP_RANGE = 1.05  # times its period, that a counter that wraps reaches at most
 # A drift is told where it is this many standard errors, of the rows' own and of their whole error's deviations. The
 # first rows, in which nobody knows on which side of its slack a joint lies, do not count. Untouched real runs of half
 # a minute drift by up to 3.3 of their rows' deviations and 9 standard errors, but by 0.08 of the error's.
@@ -45,11 +46,22 @@ _ZEROED_CULPRIT = "an encoder, camera or robot that was zeroed anew half-way, or
 
 
 def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
-    """Find measurements of angles that stand whole or half turns from the others of their joint; bring them there."""
+    """Find measurements that stand whole or half turns, or a counter's period, from the others; bring them there."""
     found, measured = list[Finding](), np.array(pairs.log.q_encoder)
-    for j in [j for j, unit in enumerate(pairs.log.joint_units) if unit == "rad"]:
+    for j, joint_unit in enumerate(pairs.log.joint_units):
         error = pairs.m[:, j] - pairs.q[:, j]
         away = error - np.median(error)
+        if period := _period_of_wraps(pairs.m[:, j], away):
+            rounds = np.round(away / period)
+            measured[pairs.log.ok, j] -= rounds * period / scales(pairs.log)[j]
+            rows, size = np.count_nonzero(rounds), f"{period:.4g} {pairs.unit(j)}"
+            says = f"{rows} of {len(error)} measurements stand {size} from the others, and none leaves a range of it"
+            own = f"{period / scales(pairs.log)[j]:.5g}"
+            remedy = f"q_encoder -= {own} * round((q_encoder - q_nominal) / {own}) before"
+            found.append(Finding("turns", (pairs.names[j],), says, "a counter that wraps", remedy))
+            continue
+        if joint_unit != "rad":
+            continue
         halves = np.round(away / _HALF_TURN_DEG)
         near = np.abs(away - halves * _HALF_TURN_DEG) < _NEAR_TURN_SHARE * _HALF_TURN_DEG
         turned = near & (halves != 0.0)
@@ -63,6 +75,20 @@ def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
         remedy = "catenary import --map, which brings measurements into the turn of their commands" * (most % 360 == 0)
         found.append(Finding("turns", (pairs.names[j],), f"{says} ({most:+.0f} deg most often)", culprit, remedy))
     return found, (pairs_of(replace(pairs.log, q_encoder=measured)) or pairs) if found else pairs
+
+
+def _period_of_wraps(measured: Floats, away: Floats) -> float:
+    """Return the period at which a counter wraps: it jumps, where errors `away` from their median do; else 0."""
+    far = np.abs(away) > 0.5 * np.ptp(measured)
+    if far.mean() <= _MIN_TURNED_SHARE:
+        return 0.0
+    period = float(np.median(np.abs(away[far])))
+    rounds = np.round(away / period)
+    jumps = np.abs(np.diff(measured))[np.diff(rounds) != 0.0] > 0.5 * period
+    near = np.abs(away - rounds * period) < _NEAR_TURN_SHARE * period
+    if np.ptp(measured) > _WRAP_RANGE * period or near.mean() < _MIN_NEAR_SHARE or not len(jumps):
+        return 0.0
+    return period if jumps.mean() > _MIN_NEAR_SHARE else 0.0
 
 
 def leap_findings(pairs: Pairs, place: Integers) -> list[Finding]:
