@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary import CablePlant, random_sinusoids, record_simulated, zigzag
+from catenary.calibration.calibration import fit as fit_calibration
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.learned import GROUPS
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.predictors import Expansion
 from catenary.calibration.terms import Terms
+from drawn_arms import baselines
 from hysteretic_arm import play
 from oracles.calibration_models import expanded, random_expansion
 from recordings import fitted, recording
@@ -75,3 +78,31 @@ def test_zeros_of_recordings_are_not_learnt_as_what_their_motions_differ_by() ->
     q = np.tile(np.linspace(-0.5, 0.5, 50)[:, None], (1, 3)) * [1.0, 1.0, 0.1]
     slope = model.calibrate(replace(logs[1].part(0, 50), q_nominal=q + 0.1)) - q
     assert np.polyfit(q[:, 0], slope[:, 0], 1)[0] - 1.0 + 1.0 == pytest.approx(0.03, abs=0.02)
+
+
+@pytest.mark.slow
+def test_a_simulated_raven_is_learnt_from_minutes_better_than_by_an_afternoons_ridge_regression() -> None:
+    """Of a zig-zag and of two minutes at random, on other random motion; play states as wide as the motion lost."""
+    ratios = []
+    for seed in (1, 3):
+        rng, arm = np.random.default_rng(100 + seed), CablePlant(seed=seed)
+        arm.home()
+        zigzagged, random, other = (
+            record_simulated(arm, motion, name, rng)
+            for name, motion in (
+                ("zigzag", zigzag("J2-J3", [0.5])),
+                ("random", random_sinusoids(rng, 120.0)),
+                ("other", random_sinusoids(rng, 120.0)),
+            )
+        )
+        assert other.q_encoder is not None
+        for log in (zigzagged, random):
+            wanted = other.q_encoder - other.q_nominal
+            corrections = (
+                fit_calibration(log, folds=0).predict(other) - other.q_nominal,
+                baselines.fit([log], "ridge with direction")(other),
+            )
+            own, ridge = (np.sqrt(np.mean((wanted - each) ** 2, axis=0)) for each in corrections)
+            ratios.append(own / ridge)
+    assert np.exp(np.log(ratios).mean()) < 0.9
+    assert np.max(ratios) < 1.8
