@@ -169,12 +169,12 @@ def check_base_gravity(base_gravity: Callable[[float], Answer]) -> str:
         "turned the other way: a positive pitch lets x dip, and gravity then points along it": found * [-1, 1, 1],
         "this is what an accelerometer reads: gravity points down": -found,
         "turned about x: y stays horizontal here": found[:, [1, 0, 2]],
-        "turned about x: y stays horizontal here ": found[:, [1, 0, 2]] * [1, -1, 1],
+        "turned about x, the other way: y stays horizontal here": found[:, [1, 0, 2]] * [1, -1, 1],
         "on a level base it is (0, 0, -9.81): sine and cosine change places": found[:, [2, 1, 0]],
         "in m/s2: its length is 9.81": found / 9.81,
         "angles are in rad: np.sin takes no degrees": _pitched(np.rad2deg(pitches)),
     }
-    return _verdict([base_gravity(pitch) for pitch in pitches], usual, pitches, "axis").strip()
+    return _verdict([base_gravity(pitch) for pitch in pitches], usual, pitches, "axis")
 
 
 def _pitched(pitches: np.ndarray) -> np.ndarray:

@@ -28,7 +28,7 @@ from papers.calibration.judging import (
     less,
     less_lost,
     statement,
-)  # fmt: skip
+)
 from papers.calibration.published import SIX_HOURS_POLYNOMIAL_J1
 from papers.calibration.recordings import LEARNER, NETWORK, draws, homed, random_log
 from papers.calibration.six_hours import CONDITIONS, HOURS, LONG, LONGEST, OFFSET, SHORT, SHORTEST, Condition, measured

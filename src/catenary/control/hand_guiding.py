@@ -95,12 +95,15 @@ class HandGuiding(GravityHold):
         super().torque(state, reference)
         if all(np.isfinite(each).all() for each in (state.q, state.qd, state.tau)):
             down = state.gravity if self.gravity is None else self.gravity
-            A = self._torques_of_load(state.q, down)
+            J = jacobian(self.model, state.q, self.frame)
+            R = forward_kinematics(self.model, state.q, self.frame).rotation
+            # what a load asks of the joints (n, 4): per kg at the frame, per kg m along each of its axes
+            A = -np.column_stack([J[:3].T @ down, J[3:].T @ np.cross(R.T, down).T])
             elapsed, self._time = state.time - self._time, state.time
             if elapsed > 0.0:
-                self.observer.added_mass = self._mass_of_load(state.q)
+                self.observer.added_mass = self._mass_of_load(J, R)
                 self.observer.update(state.q, state.qd, state.tau, down, elapsed)
-                self._decide(state, A, down, elapsed)
+                self._decide(state, A, J[:3], down, elapsed)
             self.feedforward += A @ self.load
         self.feedback[:] = -self.damping * self.pd.kd * state.qd
         if self.state != "guided":
@@ -113,19 +116,13 @@ class HandGuiding(GravityHold):
         self._known = self._now = np.zeros((4, 4)), np.zeros(4)  # what poses tell of the load, as normal equations
         self._since = self._still = self._falling = 0.0  # [s]
 
-    def _torques_of_load(self, q: Floats, down: Floats) -> Floats:
-        """Return what a load asks of the joints (n, 4): per kg at the frame, per kg m along each of its axes."""
-        J, R = jacobian(self.model, q, self.frame), forward_kinematics(self.model, q, self.frame).rotation
-        return -np.column_stack([J[:3].T @ down, J[3:].T @ np.cross(R.T, down).T])
-
-    def _mass_of_load(self, q: Floats) -> Floats:
+    def _mass_of_load(self, J: Floats, R: Floats) -> Floats:
         """Return what the load adds to the mass matrix (n, n): else its inertia would count as a load too."""
-        J, R = jacobian(self.model, q, self.frame), forward_kinematics(self.model, q, self.frame).rotation
         place = R @ self.load[1:] / max(self.mass, _LIGHT_KG)
         of_center = J[:3] - np.cross(place, J[3:], axisb=0, axisc=0)
         return max(self.mass, 0.0) * of_center.T @ of_center
 
-    def _decide(self, state: JointState, A: Floats, down: Floats, elapsed: float) -> None:
+    def _decide(self, state: JointState, A: Floats, J: Floats, down: Floats, elapsed: float) -> None:
         """Go from one state to the next by what the observer shows."""
         # noise, and dry friction of joints that stick
         spread = np.hypot(self.observer.deviation, self.observer.sticking / np.sqrt(3.0))
@@ -149,7 +146,6 @@ class HandGuiding(GravityHold):
                 if self._weigh(A, spread, 1.0):
                     self._known = self._now
             beyond = self.observer.torque + A @ self.load
-            J = jacobian(self.model, state.q, self.frame)[:3]
             force = np.asarray(np.linalg.lstsq(J.T / spread[:, None], beyond / spread, rcond=1e-3)[0], dtype=np.float64)
             angle = float(angle_between(force, down))
             is_told = bool((np.abs(beyond) > self.observer.half_width).any())

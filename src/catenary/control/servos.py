@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, as_array, as_not_negative, one_for_all
+from catenary.dynamics.external_torque import IN_95_PERCENT
 from catenary.errors import InputError
-
-_IN_95_PERCENT = 1.96  # standard deviations
 
 
 class ServoKind(NamedTuple):
@@ -97,4 +96,4 @@ def servo_command(
     exerted = gain * (counts * step - zero)
     spread = as_not_negative("deviation", one_for_all(deviation, n), (n,))
     sigma = np.sqrt((exerted * error) ** 2 + spread**2 + (gain * step) ** 2 / 12.0)
-    return ServoCommand(counts * step, counts, exerted, _IN_95_PERCENT * sigma)
+    return ServoCommand(counts * step, counts, exerted, IN_95_PERCENT * sigma)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from pydantic import Field
+from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
 from catenary.config import Settings
@@ -237,9 +238,7 @@ def _link_poses(model: RobotModel, q: Floats) -> list[Pose]:
         if tree.prismatic[i]:
             moved = Pose(still[0], x[:, i, None] * tree.axis[i])
         else:
-            across = np.cross(tree.axis[i], -np.eye(3))  # [a]x, by which Rodrigues' formula turns
-            sine, cosine = np.sin(x[:, i, None, None]), np.cos(x[:, i, None, None])
-            moved = Pose(np.eye(3) + sine * across + (1.0 - cosine) * (across @ across), still[1])
+            moved = Pose(Rotation.from_rotvec(x[:, i, None] * tree.axis[i]).as_matrix(), still[1])
         joint = Pose(tree.rotation[i], tree.origin[i]) @ moved
         poses.append(joint if parent < 0 else poses[parent] @ joint)
     return poses

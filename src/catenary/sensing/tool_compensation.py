@@ -19,7 +19,7 @@ from catenary.kernels.tracing import Line
 from catenary.robots.link_inertia import LinkInertia, symmetric
 from catenary.robots.model import Frame, RobotModel
 from catenary.sensing.wrist_tool import WristTool, weigh_tool
-from catenary.spatial import Pose, angle_between
+from catenary.spatial import STANDARD_GRAVITY, Pose, angle_between
 from catenary.verdict.finding import Finding
 
 _WINDOW_S = 0.03  # [s] of joint states that an acceleration is found from
@@ -122,7 +122,8 @@ class RestPoses:
         halves = [part.mean(axis=0) for part in np.array_split(readings, 2)]
         noise = float(np.sqrt(np.mean((halves[0] - halves[1])[:3] ** 2))) / 2.0
         new = RestPose(q, readings.mean(axis=0), noise, gravity)
-        kept = [pose for pose in self.poses if angle_between(self._down(pose), self._down(new)) > _APART_RAD]
+        down = self._down(new)
+        kept = [pose for pose in self.poses if angle_between(self._down(pose), down) > _APART_RAD]
         is_new = len(kept) == len(self.poses)
         self.poses = [*kept, new]
         return is_new
@@ -279,7 +280,7 @@ class ToolCompensation:
 
 def _tool_variance(tool: WristTool, gravity_deviation: float) -> Floats:
     """Return the variance (6,) of a tool's load by its numbers, by gravity, and what the poses left."""
-    g, reach = 9.81, float(np.linalg.norm(tool.center))
+    g, reach = STANDARD_GRAVITY, float(np.linalg.norm(tool.center))
     force = (tool.mass_deviation * g) ** 2 + (tool.mass * gravity_deviation) ** 2 + tool.force_rms**2
     moment = (tool.mass * g * tool.center_deviation) ** 2 + (tool.mass * reach * gravity_deviation) ** 2
     return np.concatenate([np.full(3, force), moment + tool.torque_rms**2])

@@ -52,12 +52,11 @@ def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
         error = pairs.m[:, j] - pairs.q[:, j]
         away = error - np.median(error)
         if period := _period_of_wraps(pairs.m[:, j], away):
-            rounds = np.round(away / period)
-            measured[pairs.log.ok, j] -= rounds * period / scales(pairs.log)[j]
+            rounds, in_si = np.round(away / period), period / float(scales(pairs.log)[j])
+            measured[pairs.log.ok, j] -= rounds * in_si
             rows, size = np.count_nonzero(rounds), f"{period:.4g} {pairs.unit(j)}"
             says = f"{rows} of {len(error)} measurements stand {size} from the others, and none leaves a range of it"
-            own = f"{period / scales(pairs.log)[j]:.5g}"
-            remedy = f"q_encoder -= {own} * round((q_encoder - q_nominal) / {own}) before"
+            remedy = f"q_encoder -= {in_si:.5g} * round((q_encoder - q_nominal) / {in_si:.5g}) before"
             found.append(Finding("turns", (pairs.names[j],), says, "a counter that wraps", remedy))
             continue
         if joint_unit != "rad":
