@@ -83,11 +83,13 @@ def _period_of_wraps(measured: Floats, away: Floats) -> float:
         return 0.0
     period = float(np.median(np.abs(away[far])))
     rounds = np.round(away / period)
-    jumps = np.abs(np.diff(measured))[np.diff(rounds) != 0.0] > 0.5 * period
+    changes = np.diff(rounds) != 0.0
+    jumps = np.abs(np.diff(measured))[changes] > 0.5 * period
     near = np.abs(away - rounds * period) < _NEAR_TURN_SHARE * period
     if np.ptp(measured) > _WRAP_RANGE * period or near.mean() < _MIN_NEAR_SHARE or not len(jumps):
         return 0.0
-    return period if jumps.mean() > _MIN_NEAR_SHARE else 0.0
+    # from one row to the next an error hardly changes but by the jump
+    return float(np.median(np.abs(np.diff(away))[changes])) if jumps.mean() > _MIN_NEAR_SHARE else 0.0
 
 
 def leap_findings(pairs: Pairs, place: Integers) -> list[Finding]:
