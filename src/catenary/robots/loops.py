@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
 from catenary.config import Settings
@@ -232,6 +231,8 @@ def close_loops(model: RobotModel) -> RobotModel:
 
 def _link_poses(model: RobotModel, q: Floats) -> list[Pose]:
     """Return the poses of the links in the base at q (N, n), N of each."""
+    from scipy.spatial.transform import Rotation  # a robot without loops loads faster without it
+
     tree, x, poses = model.tree, q @ model.coupling.T + model.offset, list[Pose]()
     still = np.broadcast_to(np.eye(3), (len(q), 3, 3)), np.zeros((len(q), 3))
     for i, parent in enumerate(tree.parent):
