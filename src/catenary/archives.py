@@ -69,7 +69,16 @@ def read_array(path: Path) -> NDArray[Any]:
 
 
 def unpacked(data: bytes, kind: Literal["bz2", "lz4", "zstd"], most: int) -> bytes:
-    """Unpack bytes that another program packed."""
+    """Return decompressed bytes, refusing more than a limit.
+
+    Args:
+        data: Compressed bytes.
+        kind: Compression.
+        most: Largest number of bytes that are decompressed.
+
+    Raises:
+        ValueError: The bytes are damaged, or hold more than `most`.
+    """
     import pyarrow as pa
 
     try:

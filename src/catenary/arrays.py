@@ -22,9 +22,16 @@ _APART = 0.5  # of the range of all other numbers, by which -999 lies outside it
 
 
 def spread(count: int, most: int) -> Integers:
-    """Return at most `most` of `count` rows, rising: one at random, the same each time, of each of as many equal parts.
+    """Return the indices of a random subset of rows, spread evenly: one of each of as many equal parts, seeded.
 
-    Every k-th row would meet a periodic motion in a few of its phases alone, and tell nothing of its time.
+    Every k-th row would sample a periodic motion at a few of its phases, and hide its delay.
+
+    Args:
+        count: Number of rows.
+        most: Largest number of indices.
+
+    Returns:
+        Rising indices, (min(count, most),).
     """
     edges = np.arange(min(count, most) + 1) * count // max(1, min(count, most))
     drawn = np.random.default_rng(0).random(len(edges) - 1)
@@ -75,9 +82,16 @@ class Listed(NamedTuple):
 
 
 def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, finite: bool = True) -> Floats:
-    """Return numbers as a C-contiguous float64 array of a shape, in which None stands for any length.
+    """Return numbers as a C-contiguous float64 array of a given shape.
 
-    What the values are, `name`, opens the InputError over what is no number, another shape or, if `finite`, NaN.
+    Args:
+        name: The quantity, which opens every message.
+        values: Numbers, of any type that converts to float64 without loss of kind.
+        shape: Expected shape; None stands for any length.
+        finite: Whether NaN and infinity are refused.
+
+    Raises:
+        InputError: The values are no numbers, of another shape or, if `finite`, not finite.
     """
     array = _as_floats(name, values, shape)
     if array.shape != shape and not _has_shape(array, shape):
@@ -89,7 +103,16 @@ def as_array(name: str, values: ArrayLike, shape: tuple[int | None, ...], *, fin
 
 
 def as_positive(name: str, values: ArrayLike, shape: tuple[int | None, ...] = ()) -> Floats:
-    """Return `as_array` of numbers that are all above zero."""
+    """Return numbers as an array (`as_array`), all above zero.
+
+    Args:
+        name: The quantity, which opens every message.
+        values: Numbers.
+        shape: Expected shape; None stands for any length.
+
+    Raises:
+        InputError: As of `as_array`, or a number is zero or less.
+    """
     array = as_array(name, values, shape)
     if not (array > 0.0).all():
         raise InputError(f"{name}: expected more than 0, got {array.tolist()}")
@@ -97,7 +120,17 @@ def as_positive(name: str, values: ArrayLike, shape: tuple[int | None, ...] = ()
 
 
 def as_not_negative(name: str, values: ArrayLike, shape: tuple[int | None, ...] = (), *, finite: bool = True) -> Floats:
-    """Return `as_array` of numbers that are all zero or more."""
+    """Return numbers as an array (`as_array`), all zero or more.
+
+    Args:
+        name: The quantity, which opens every message.
+        values: Numbers.
+        shape: Expected shape; None stands for any length.
+        finite: Whether infinity is refused; NaN always is.
+
+    Raises:
+        InputError: As of `as_array`, or a number is below zero.
+    """
     array = as_array(name, values, shape, finite=finite)
     if not (array >= 0.0).all():
         raise InputError(f"{name}: expected zero or more, got {array.tolist()}")
@@ -105,12 +138,32 @@ def as_not_negative(name: str, values: ArrayLike, shape: tuple[int | None, ...] 
 
 
 def one_for_all(values: ArrayLike, n: int) -> ArrayLike:
-    """Return a single number as (n,), and anything else as it is."""
+    """Return a scalar repeated for every joint; anything else unchanged.
+
+    Args:
+        values: A scalar, or an array of one value a joint.
+        n: Number of joints.
+
+    Returns:
+        (n,) of a scalar, else `values`, which the caller checks.
+    """
     return np.full(n, values) if np.ndim(values) == 0 else values
 
 
 def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
-    """Return `values` of shape (width,) or (N, width) as (N, width), and whether it was a single row."""
+    """Return one row or many as a batch of rows.
+
+    Args:
+        name: The quantity, which opens every message.
+        values: One row (width,), or N of them (N, width).
+        width: Numbers in a row.
+
+    Returns:
+        The rows (N, width), and whether a single row was given.
+
+    Raises:
+        InputError: Another shape, no numbers, or not finite.
+    """
     array = _as_floats(name, values, (width,))
     if array.ndim not in (1, 2) or array.shape[-1] != width:
         raise InputError(f"{name}: expected shape ({width},) or (N, {width}), got {array.shape}")
@@ -140,9 +193,14 @@ def refuse_non_finite(name: str, array: NDArray[Any]) -> None:
 
 
 def without_missing(values: NDArray[Any], to_si: float = 0.0) -> NDArray[Any]:
-    """Return one joint's numbers (N,), NaN in place of those by which loggers say that there was none.
+    """Return a joint's samples with NaN in place of the sentinels by which loggers mark missing ones.
 
-    `to_si` makes positions rad or m: then single ones that no joint reaches are none, too.
+    Args:
+        values: Samples of one joint, (N,).
+        to_si: Factor to rad or m, for positions: isolated samples beyond any joint's reach are then missing, too.
+
+    Returns:
+        The samples (N,); the same array if none is missing.
     """
     with np.errstate(invalid="ignore"):
         size = np.abs(np.asarray(values, dtype=np.float64))

@@ -40,7 +40,13 @@ StoredIntegers = Annotated[NDArray[np.int64], Stored()]
 
 
 def stored(record: Any, arrays: dict[str, NDArray[Any]], name: str = "") -> Any:
-    """Return a dataclass as plain data that `parse_settings` reads with `arrays` as its context; fill these."""
+    """Return a dataclass as plain data, which `parse_settings` reads back with the arrays as its context.
+
+    Args:
+        record: A dataclass, and what its fields hold: mappings, lists, arrays, plain data.
+        arrays: Filled with the arrays of the record, by their dotted field names.
+        name: Dotted field name of the record itself.
+    """
     if isinstance(record, np.ndarray):
         arrays[name] = record
         return name
@@ -54,7 +60,16 @@ def stored(record: Any, arrays: dict[str, NDArray[Any]], name: str = "") -> Any:
 
 
 def write_with_card(path: Path, arrays: Mapping[str, NDArray[Any]], card: Mapping[str, Any]) -> None:
-    """Write arrays and their card, which gets their SHA-256, and a readable copy of it beside them: both or neither."""
+    """Write an archive of arrays, and beside it a readable copy of its card: both or neither.
+
+    Args:
+        path: Archive (.npz); the copy's name is `card_path` of it.
+        arrays: Arrays by name.
+        card: Description; the SHA-256 of the arrays is added.
+
+    Raises:
+        OSError: The disk is full, or the folder is not writable.
+    """
     text, buffer = card_text({**card, _SEAL: sha256_of_arrays(arrays)}), io.BytesIO()
     np.savez(buffer, allow_pickle=False, card=np.array(text), **arrays)
     with written_whole(card_path(path)) as copy, written_whole(path) as file:
@@ -66,7 +81,16 @@ def write_with_card(path: Path, arrays: Mapping[str, NDArray[Any]], card: Mappin
 
 
 def card_of(arrays: Mapping[str, NDArray[Any]], path: Path, remedy: str) -> dict[str, Any]:
-    """Return the card that an archive's arrays were written with; it tells damage and slips, not who changes both."""
+    """Return the card of an archive, after its checksum was compared; it detects damage, not forgery.
+
+    Args:
+        arrays: Arrays of the archive by name, the card's text among them.
+        path: The archive, for messages.
+        remedy: How such a file is made again.
+
+    Raises:
+        FileFormatError: The card is unreadable, or of other arrays.
+    """
     card = json_table(str(arrays.get("card")), "card", finite=False)
     if card.get(_SEAL) != sha256_of_arrays(arrays):
         why = f"its numbers are not those that its card was written for ({_SEAL}): something changed them since"

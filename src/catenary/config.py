@@ -44,7 +44,15 @@ def file_keys(**keys: str) -> ConfigDict:
 
 
 def load_toml(path: Path, schema: type[Schema]) -> Schema:
-    """Read a TOML file into its schema."""
+    """Read a TOML file into a schema.
+
+    Args:
+        path: The file.
+        schema: Type that it is parsed into.
+
+    Raises:
+        ConfigError: No such file, no TOML, or content that the schema refuses; says where in the file.
+    """
     try:
         content = toml_table(read_bounded(path, MOST_TOML), str(path))
     except FileFormatError as error:
@@ -53,12 +61,33 @@ def load_toml(path: Path, schema: type[Schema]) -> Schema:
 
 
 def parse_json(data: str | bytes, schema: type[Schema], where: str, *, finite: bool = True) -> Schema:
-    """Read JSON text into its schema; `where` opens every message, `finite` as in `json_value`."""
+    """Parse JSON text into a schema.
+
+    Args:
+        data: Text, or its bytes in UTF-8.
+        schema: Type that it is parsed into.
+        where: The text's source, which opens every message.
+        finite: Whether NaN and infinity are refused.
+
+    Raises:
+        FileFormatError: No JSON within the limits of `json_value`.
+        ConfigError: The schema refuses the content.
+    """
     return parse_settings(json_value(data, where, finite=finite), schema, where)
 
 
 def parse_settings(content: Any, schema: type[Schema], where: str, context: Any = None) -> Schema:
-    """Check plain data against its schema; `where` opens every message, `context` is for its validators."""
+    """Validate plain data against a schema.
+
+    Args:
+        content: Plain data: tables, lists, numbers, text.
+        schema: Type that it is parsed into.
+        where: The data's source, which opens every message.
+        context: Handed to the schema's validators.
+
+    Raises:
+        ConfigError: One line for each problem: where it is, what was expected, what is there.
+    """
     try:
         # strict, as JSON: "1" or true is no number, while a list may fill a tuple and a text a path or a date
         data = json.dumps(content, default=str)

@@ -44,7 +44,16 @@ def no_file(path: Path) -> str:
 
 @contextmanager
 def reading(path: Path | str, kind: str, unreadable: tuple[type[Exception], ...]) -> Iterator[None]:
-    """Say of what a library raises over a file that it cannot be read as one of a kind."""
+    """Convert a library's errors over a file into `FileFormatError`, within a `with` block.
+
+    Args:
+        path: The file, which opens every message.
+        kind: Its format, for the message.
+        unreadable: Exceptions by which the library refuses a file.
+
+    Raises:
+        FileFormatError: The block raised one of `unreadable`, or the file is nested too deeply.
+    """
     try:
         yield
     except FileFormatError:
@@ -57,7 +66,15 @@ def reading(path: Path | str, kind: str, unreadable: tuple[type[Exception], ...]
 
 
 def read_bounded(path: Path, most: int) -> bytes:
-    """Return a file's bytes."""
+    """Return the bytes of a file within a limit.
+
+    Args:
+        path: The file.
+        most: Largest size [B].
+
+    Raises:
+        FileFormatError: No such file, unreadable, or larger.
+    """
     try:
         with path.open("rb") as file:
             data = file.read(most + 1)
@@ -70,10 +87,16 @@ def read_bounded(path: Path, most: int) -> bytes:
 
 
 def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
-    """Return what JSON text, or its bytes in UTF-8, holds as plain data, within `MOST_JSON` and `MAX_LEVELS`.
+    """Parse JSON text into plain data, within `MOST_JSON` and `MAX_LEVELS`.
 
-    Refused are a key twice in a table, a number beyond a float64, an integer beyond 2^128, and if `finite` NaN and
-    infinity, which JSON does not know and Python writes.
+    Args:
+        data: Text, or its bytes in UTF-8.
+        where: The text's source, which opens every message.
+        finite: Whether NaN and infinity, which JSON does not know and Python writes, are refused.
+
+    Raises:
+        FileFormatError: No JSON, beyond the limits, a key twice in a table, a number beyond a float64, or an integer
+            beyond 2^128.
     """
     text = _text_of(data, where, "JSON", MOST_JSON)
 
@@ -103,7 +126,16 @@ def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
 
 
 def json_table(data: str | bytes, where: str, *, finite: bool = True) -> dict[str, Any]:
-    """Return `json_value` of text that holds a table, {"key": value, ...}."""
+    """Parse JSON text that holds a table, {"key": value, ...}.
+
+    Args:
+        data: Text, or its bytes in UTF-8.
+        where: The text's source, which opens every message.
+        finite: Whether NaN and infinity are refused.
+
+    Raises:
+        FileFormatError: As of `json_value`, or the text holds something else.
+    """
     content = json_value(data, where, finite=finite)
     if not isinstance(content, dict):
         raise FileFormatError(f"{where}: holds {shortened(content)}, expected a table (a JSON object)")
@@ -120,7 +152,15 @@ def without_comments(data: bytes) -> bytes:
 
 
 def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
-    """Return what TOML text holds, as plain data: at most `MOST_TOML` bytes, `MAX_LEVELS` levels."""
+    """Parse TOML text into plain data, within `MOST_TOML` and `MAX_LEVELS`.
+
+    Args:
+        data: Text, or its bytes in UTF-8.
+        where: The text's source, which opens every message.
+
+    Raises:
+        FileFormatError: No TOML, beyond the limits, or a number beyond a float64.
+    """
     text = _text_of(data, where, "TOML", MOST_TOML)
     if _DEEP_KEY.search(text):  # of which tomllib makes every part that a key begins with
         raise FileFormatError(f"{where}: is nested more than {MAX_LEVELS} levels deep")
@@ -131,11 +171,18 @@ def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
 
 
 def xml_tree(data: str | bytes, where: str) -> Element:
-    """Return the root element of XML text: at most `MOST_XML` bytes and `_MAX_ELEMENTS` elements.
+    """Parse XML text into its root element, within `MOST_XML` and `_MAX_ELEMENTS`.
 
-    Names are as they stand there, prefix and all, and `xmlns` is an attribute like any other, as in TinyXML, by which
-    others read URDF and MJCF: a prefix need not be declared. Entities of its own, which
-    can stand for other files and for gigabytes, are refused.
+    Names keep their prefix and `xmlns` is an attribute like any other, as in TinyXML, which other programs read URDF
+    and MJCF with: a prefix need not be declared.
+
+    Args:
+        data: Text, or its bytes.
+        where: The text's source, which opens every message.
+
+    Raises:
+        FileFormatError: No XML, beyond the limits, or with entities of its own, which can stand for other files and for
+            gigabytes.
     """
     _refuse_length(data, where, MOST_XML)
     builder, parser, numbers = TreeBuilder(), expat.ParserCreate(), count(1)
@@ -170,7 +217,15 @@ def plain_number(text: str) -> float:
 
 
 def xml_root_tag(data: str | bytes, where: str) -> str:
-    """Return the name of XML text's root element; what follows it is not read."""
+    """Return the name of the root element of XML text, without parsing the rest.
+
+    Args:
+        data: Text, or its bytes.
+        where: The text's source, which opens every message.
+
+    Raises:
+        FileFormatError: Too long, or no element at all.
+    """
     _refuse_length(data, where, MOST_XML)
     found = _ROOT_TAG.search(XML_COMMENT.sub(b"", data.encode() if isinstance(data, str) else data))
     return found[1].decode(errors="replace") if found else xml_tree(data, where).tag

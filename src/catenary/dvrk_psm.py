@@ -18,7 +18,16 @@ _NAME = re.compile(rf"/?(?P<place>(?:\w+/)*PSM\w*)/(?P<verb>{'|'.join(_PSM_TOPIC
 
 
 def psm_topic(namespace: str, verb: str, rate: float | None = None) -> Topic:
-    """Return a topic of a PSM, one of _PSM_TOPICS, as it is recorded."""
+    """Return a topic of a PSM as it is recorded.
+
+    Args:
+        namespace: Name of the arm, whose last word begins with PSM: "/PSM1".
+        verb: One of `_PSM_TOPICS`.
+        rate: Messages per second [Hz]; the dVRK's usual rate when None.
+
+    Raises:
+        InputError: Another namespace.
+    """
     column, usual = _PSM_TOPICS[verb]
     name = f"/{namespace.strip('/')}/{verb}"
     if _NAME.fullmatch(name) is None:
@@ -28,7 +37,15 @@ def psm_topic(namespace: str, verb: str, rate: float | None = None) -> Topic:
 
 
 def psm_topics(namespace: str, *, state_rate: float = 30.0) -> tuple[Topic, ...]:
-    """Return the topics of a calibration recording of a PSM; errors as `psm_topic`."""
+    """Return the topics of a calibration recording of a PSM.
+
+    Args:
+        namespace: Name of the arm: "/PSM1".
+        state_rate: Rate of the arm's own topics [Hz]; a tracker's is its usual one.
+
+    Raises:
+        InputError: As of `psm_topic`.
+    """
     return tuple(psm_topic(namespace, verb, None if verb.startswith("tracker") else state_rate) for verb in _PSM_TOPICS)
 
 

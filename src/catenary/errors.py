@@ -90,7 +90,16 @@ def to_install(extra: str) -> str:
 
 
 def imported(module: str, why: str, extra: str) -> Any:
-    """Return a module of an optional package; its MissingPackageError begins with `why` it is needed."""
+    """Import a module of an optional package.
+
+    Args:
+        module: Dotted name.
+        why: What needs it, which opens the message.
+        extra: Extra of catenary that installs it.
+
+    Raises:
+        MissingPackageError: It is not installed; says how to install it.
+    """
     try:
         return import_module(module)
     except ImportError as error:

@@ -91,7 +91,15 @@ def _partial_name() -> str:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write bytes as `written_whole` does."""
+    """Write a file that appears whole or not at all.
+
+    Args:
+        path: The file; one of that name is replaced.
+        content: Bytes.
+
+    Raises:
+        OSError: The disk is full, or the folder is not writable.
+    """
     with written_whole(path) as file:
         file.write(content)
 
@@ -113,7 +121,13 @@ def card_text(card: Mapping[str, Any]) -> str:
 
 
 def damage(path: Path, why: object, remedy: str) -> str:
-    """Return what is said of a file that does not hold what was written: which, what is wrong, what makes it again."""
+    """Return the message about a damaged file: which, what is wrong, how to make it again.
+
+    Args:
+        path: The file.
+        why: What is wrong with it; an empty file is reported as such.
+        remedy: How such a file is made again.
+    """
     is_empty = path.is_file() and path.stat().st_size == 0
     return f"{path}: damaged: {'it is empty' if is_empty else why}; {remedy}"
 

@@ -157,7 +157,15 @@ _COLUMNS = {  # by heading: field of the snapshot, characters
 
 
 def monitor_lines(name: str, shot: Snapshot, columns: int = 80, lines: int = 24, *, colour: bool = False) -> list[str]:
-    """Return exactly `lines` lines of at most `columns` characters, colours not counted; warnings in red, if any."""
+    """Return the lines of the monitor's screen.
+
+    Args:
+        name: Robot, for the title.
+        shot: State to show.
+        columns: Width [characters]; columns of the table that do not fit are left out.
+        lines: Height; exactly as many are returned.
+        colour: Whether warnings are red; escape codes do not count towards `columns`.
+    """
     shown = [_left_right(f"catenary monitor  {name}", shot.state, columns)]
     rate = "-" if shot.rate_hz is None else f"{shot.rate_hz:.0f} Hz"
     shown += [_left_right(f"time {shot.time:10.2f} s", f"states {rate:>8}", columns), ""]

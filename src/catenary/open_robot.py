@@ -109,7 +109,15 @@ PSM = KINDS["dvrk_psm"]
 
 
 def kind_with_joints(joints: Sequence[str], arm: str = "gold") -> RobotKind | None:
-    """Return the kind that has these joints among its own, of a RAVEN-II the one on a side; None of others."""
+    """Return the kind of robot that has given joints among its own.
+
+    Args:
+        joints: Joint names.
+        arm: Side of a RAVEN-II: "gold" or "green".
+
+    Returns:
+        The kind, or None of joints of no kind.
+    """
     return next((k for k in KINDS.values() if set(joints) <= set(k.joints) and (k is PSM or k.arm == arm)), None)
 
 
@@ -124,10 +132,16 @@ def open_robot(robot: str | RobotModel, where: Simulated) -> SimulatedRobotPlant
 @overload
 def open_robot(robot: str, where: OverTopics) -> CrtkReader: ...
 def open_robot(robot: str | RobotModel, where: Simulated | OverTopics) -> SimulatedRobotPlant | CrtkReader:
-    """Open a robot: one simulated here, enabled and homed unless it is to stay switched off, or one behind topics.
+    """Open a robot: one simulated here, or one behind topics.
 
-    A robot is named by the catalogue or its file; a model is simulated as rigid bodies. Behind topics it is a
-    `CrtkClient` unless it is only read, the caller's to close.
+    Args:
+        robot: Name in the catalogue or description file; a `RobotModel` is simulated as rigid bodies.
+        where: `Simulated`: enabled and homed unless it is to stay switched off. `OverTopics`: a `CrtkClient`, or a
+            `CrtkReader` if it is only read, for the caller to close.
+
+    Raises:
+        InputError: Unknown robot or dialect.
+        UnsupportedModelError: The robot cannot be simulated with these options.
     """
     if isinstance(where, OverTopics):
         return _over_topics(str(robot), where)
@@ -139,7 +153,15 @@ def open_robot(robot: str | RobotModel, where: Simulated | OverTopics) -> Simula
 
 
 def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
-    """Refuse what a simulated robot of a kind cannot have."""
+    """Refuse options that a simulated robot of a kind does not have.
+
+    Args:
+        robot: Name, description file or model.
+        where: Options of the simulation.
+
+    Raises:
+        UnsupportedModelError: An option is given that the kind has not; names those that have it.
+    """
     kind = _kind(robot)
     for option, words in _OPTIONS.items():
         given = where.payload != 0.0 if option == "payload" else getattr(where, option) is not None
@@ -150,7 +172,15 @@ def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
 
 
 def spoken_dialect(robot: str, dialect: str | None) -> str:
-    """Return the dialect that a robot is spoken to in; its own when None."""
+    """Return the CRTK dialect to use with a robot.
+
+    Args:
+        robot: Name in the catalogue.
+        dialect: Dialect asked for; the robot's own first one when None.
+
+    Raises:
+        InputError: The robot does not speak it.
+    """
     own = _kind(robot).dialects
     found = next((one for one in own if dialect in (None, one)), None)
     if found is None:

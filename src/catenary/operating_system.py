@@ -72,10 +72,17 @@ def lock(descriptor: int) -> None:
 
 
 def move_open(file: BinaryIO, path: Path, new: Path) -> None:
-    """Give an open file another name, in place of what is there.
+    """Rename an open file, replacing a file of the new name.
 
-    Windows moves closed files alone: the file is closed, and its lock lost, just before; where another program has
-    `new` open, PermissionError.
+    Windows renames closed files only: the file is closed, and its lock lost, just before.
+
+    Args:
+        file: The open file.
+        path: Its name.
+        new: Its new name.
+
+    Raises:
+        PermissionError: On Windows, another program has `new` open.
     """
     if not OPEN_FILES_CAN_MOVE:
         file.close()
@@ -107,7 +114,15 @@ def sync_folder(folder: Path) -> None:
 
 
 def reserve(file: BinaryIO, size: int) -> None:
-    """Make sure that a new file's disk holds `size` [B], else OSError; by writing zeros where space is not reserved."""
+    """Reserve disk space for a new file; by writing zeros where the system cannot reserve.
+
+    Args:
+        file: Open file.
+        size: Space [B].
+
+    Raises:
+        OSError: The disk is full.
+    """
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(file.fileno(), 0, size)
     else:

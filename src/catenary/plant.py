@@ -147,7 +147,12 @@ def fault_of(plant: Plant) -> str:
 
 
 def state_in_words(plant: Plant, state: OperatingState) -> str:
-    """Return the name of a robot's state; of FAULT also why, where it tells."""
+    """Return the name of a robot's operating state; of FAULT with the reason, where the robot gives one.
+
+    Args:
+        plant: The robot.
+        state: Its state.
+    """
     why = fault_of(plant) if state.state == "FAULT" else ""
     return f"FAULT ({why})" if why else state.state
 
@@ -161,7 +166,16 @@ _WAYS_TO_ENABLED = {
 
 
 def require_ready(plant: Plant, verb: str) -> None:
-    """Refuse a robot that must not be moved, or that lacks the verb by which it would be."""
+    """Refuse to move a robot that is not enabled, not homed or busy, or lacks the command.
+
+    Args:
+        plant: The robot.
+        verb: CRTK command that would move it: "servo_jp", "move_jp".
+
+    Raises:
+        UnsupportedCommandError: The robot lacks the command.
+        NotReadyError: It is in another state; nothing has moved.
+    """
     if verb not in plant.supports:
         raise UnsupportedCommandError(
             f"the robot has no {verb}, which this motion needs; it has {', '.join(sorted(plant.supports))}"
@@ -206,10 +220,21 @@ def nameless(count: int) -> tuple[str, ...]:
 
 
 def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[np.int64]:
-    """Return where each wanted joint is among those had, by name, (n,); there may be further ones.
+    """Return the index of each wanted joint among those of a robot, recording or model, matched by name.
 
-    Wherever numbers of one meet joints of another, this says which is which. Units are compared where both sides have
-    them. Messages tell what has them, `whose` ('recording "run"'), and what wants them, `of` ("the model is for").
+    Whenever numbers of one meet joints of another, this matches them. Units are compared where both sides have them.
+
+    Args:
+        wanted: Joints (names, units) to find.
+        had: Joints to find them among; there may be further ones.
+        whose: Who has them, for messages: 'recording "run"'.
+        of: Who wants them, for messages: "the model is for".
+
+    Returns:
+        Indices (n,).
+
+    Raises:
+        InputError: A joint is missing, or in another unit.
     """
     names = had.joint_names
     both = f"it has {joints_text(had)}, {of} {joints_text(wanted)}"

@@ -26,15 +26,26 @@ def silent(_: float) -> None:
 
 
 def part_of(progress: Progress, part: int, parts: int) -> Progress:
-    """Return the progress of the part numbered `part`, from 0, of a task of `parts` equal parts."""
+    """Return the progress callback of one part of a task of equal parts.
+
+    Args:
+        progress: Callback of the whole task, for 0 to 1.
+        part: Index of the part.
+        parts: Number of parts.
+    """
     return lambda done: progress((part + done) / parts)
 
 
 @contextmanager
 def on_workers(workers: int = 1, cluster: str | None = None) -> Iterator[None]:
-    """Let independent parts of tasks within the block run side by side.
+    """Run independent parts of tasks in parallel, within a `with` block.
 
-    They run in processes on this machine, one worker in this process, or on a Dask cluster by its scheduler's address.
+    Args:
+        workers: Processes on this machine; 1 is this process alone.
+        cluster: Address of a Dask scheduler, tcp://HOST:PORT, in their place.
+
+    Raises:
+        InputError: Dask is not installed, or the scheduler does not answer.
     """
     from joblib import parallel_config
 

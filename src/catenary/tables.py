@@ -72,7 +72,13 @@ class Table:
 
 
 def joint_columns(joints: Sequence[tuple[str, str]], value: Callable[[Any, int], Any], form: str) -> list[Column]:
-    """Return a column for each joint of these names and units; `value` tells a record's number of the k-th."""
+    """Return a table's column for each joint.
+
+    Args:
+        joints: Name and unit of each joint.
+        value: Returns a record's number for the k-th joint.
+        form: Format of the number: ".2f".
+    """
 
     def column(k: int, name: str, unit: str) -> Column:
         return f"{name} [{unit}]" if unit else name, lambda record: _text(value(record, k), form)

@@ -42,9 +42,15 @@ class Topic:
 
 
 def joint_topic(name: str, column: str, joints: tuple[str, ...], *, rate: float, bag: str, unit: str = "") -> Topic:
-    """Return a topic of a JointState, whose messages may lack velocity and effort.
+    """Return a topic of JointState messages, whose velocity and effort may be absent.
 
-    `unit` is that of all positions; without one those of an insertion are in m, others in rad.
+    Args:
+        name: Topic.
+        column: Name of its positions in a recording.
+        joints: Joint names.
+        rate: Messages per second [Hz].
+        bag: Name of its bag, for RAVEN's programs.
+        unit: Unit of all positions; without one insertions are in m, other joints in rad.
     """
 
     def of_joints(suffix: str, path: str, angular: str, linear: str) -> TopicColumn:

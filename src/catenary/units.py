@@ -21,12 +21,23 @@ TORQUE_UNIT = {"rad": "Nm", "m": "N"}
 
 
 def from_display(shown: Any, unit: str) -> Any:
-    """Return numbers or arrays that are shown, in deg or mm, in a joint's unit, rad or m."""
+    """Return values shown in deg or mm in a joint's SI unit.
+
+    Args:
+        shown: Number or array [deg or mm].
+        unit: "rad" or "m".
+    """
     return shown * TO_SI["deg"][1] if unit == "rad" else shown / 1000.0
 
 
 def in_words(value: float, unit: str, digits: int) -> str:
-    """Return a joint's value, in rad or m, as text in deg or mm."""
+    """Return a joint's value as text in deg or mm.
+
+    Args:
+        value: Value [rad or m].
+        unit: "rad" or "m".
+        digits: Decimals.
+    """
     shown, scale = DISPLAY[unit]
     return f"{scale * value:.{digits}f} {shown}"
 

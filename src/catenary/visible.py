@@ -15,7 +15,17 @@ def visible(text: str) -> str:
 
 
 def range_bar(value: float, low: float, high: float, characters: int) -> str:
-    """Return where a value stands between its limits, as text: [...#........]."""
+    """Return the position of a value between its limits as text: [...#........].
+
+    Args:
+        value: Value.
+        low: Lower limit.
+        high: Upper limit.
+        characters: Width without brackets.
+
+    Returns:
+        The bar, or "no limits" where one of the three is not finite.
+    """
     if not all(map(isfinite, (value, low, high))):
         return "no limits"
     place = int(min(max((value - low) / (high - low), 0.0), 1.0) * (characters - 1) + 0.5)

@@ -84,12 +84,29 @@ HOLDS = {kind.name: kind for kind in _HOLDS}  # gravity compensation alone
 
 
 def make_controller(name: str, arm: "DrivenJoints", *, damping: "Damping" = "relative") -> "SplitController":
-    """Return one of CONTROLLERS for an arm, with the arm's own gains; see `ControllerKind.make`."""
+    """Return a controller of `CONTROLLERS` for an arm, with the arm's own gains.
+
+    Args:
+        name: Kind of controller.
+        arm: The arm that it drives.
+        damping: What its derivative term acts on; see `ControllerKind.make`.
+
+    Raises:
+        InputError: No such kind.
+    """
     return _kind(name, CONTROLLERS).make(arm, damping=damping)
 
 
 def make_hold(name: str, arm: "DrivenJoints") -> "SplitController":
-    """Return gravity compensation alone, one of HOLDS, for an arm."""
+    """Return a gravity compensation of `HOLDS`, without feedback of position, for an arm.
+
+    Args:
+        name: Kind of hold.
+        arm: The arm that it holds.
+
+    Raises:
+        InputError: No such kind.
+    """
     return _kind(name, HOLDS).make(arm)
 
 

@@ -58,10 +58,13 @@ class DrivenJoints(Protocol):
 
 
 def gains_at_joints(kp: ArrayLike, kd: ArrayLike, ratio: ArrayLike, gearbox: ArrayLike) -> JointGains:
-    """Return gains at the joints of a robot that controls its motors, (n,) each.
+    """Return gains at the joints of a robot that controls its motors.
 
-    kp [Nm/rad] and kd [Nms/rad] are torques at the gearbox's output per turning of the motor, ratio its turning per
-    joint motion [rad/rad|rad/m], gearbox its turning per turning of the output.
+    Args:
+        kp: Torque at the gearbox's output per turning of the motor (n,) [Nm/rad].
+        kd: Likewise, per speed of the motor (n,) [Nms/rad].
+        ratio: Turning of the motor per joint motion (n,) [rad/rad|rad/m].
+        gearbox: Turning of the motor per turning of the gearbox's output (n,).
     """
     turns = as_array("ratio", ratio, (None,))
     lever = turns**2 / as_array("gearbox", gearbox, turns.shape)
@@ -71,9 +74,16 @@ def gains_at_joints(kp: ArrayLike, kd: ArrayLike, ratio: ArrayLike, gearbox: Arr
 def torque_at_joints(
     dac_limit: ArrayLike, dac_per_ampere: ArrayLike, torque_constant: ArrayLike, ratio: ArrayLike
 ) -> Floats:
-    """Return the largest torques (n,) [Nm|N] at the joints that a motor board can give; dac_limit is 0 for none.
+    """Return the largest joint torques that a motor board can give.
 
-    dac_per_ampere [1/A], torque_constant [Nm/A], ratio of motor to joint [rad/rad|rad/m].
+    Args:
+        dac_limit: Largest DAC value (n,); 0 for none.
+        dac_per_ampere: DAC value per motor current (n,) [1/A].
+        torque_constant: Motor torque per current (n,) [Nm/A].
+        ratio: Turning of the motor per joint motion (n,) [rad/rad|rad/m].
+
+    Returns:
+        (n,) [Nm|N]; infinite without a limit.
     """
     turns = as_array("ratio", ratio, (None,))
     most = as_array("dac_limit", dac_limit, turns.shape)
@@ -82,10 +92,15 @@ def torque_at_joints(
 
 
 def reflected_inertia(rotor_inertia: ArrayLike, ratio: ArrayLike, coupling: ArrayLike) -> Floats:
-    """Return what the motors of three coupled joints add to the mass matrix: C^T diag(J ratio^2) C, (3, 3).
+    """Return the inertia that the motors of three coupled joints add to the mass matrix: C^T diag(J ratio^2) C.
 
-    rotor_inertia (3,) at the shafts [kg m2], ratio (3,) motor turning per joint motion [rad/rad|rad/m], coupling (3,)
-    c01, c02, c12 of transmission/cable_elasticity.py.
+    Args:
+        rotor_inertia: Inertia at the motor shafts (3,) [kg m2].
+        ratio: Turning of the motor per joint motion (3,) [rad/rad|rad/m].
+        coupling: Coefficients c01, c02, c12 of transmission/cable_elasticity.py (3,).
+
+    Returns:
+        (3, 3).
     """
     c = as_array("coupling", coupling, (3,))
     C = np.array([winding_of(c, unit) for unit in np.eye(3)]).T
@@ -103,11 +118,20 @@ def gains_from_mass(
 ) -> JointGains:
     """Return gains by a rule: kp = w^2 M_jj, kd = 2 damping_ratio w M_jj, with M_jj the largest over the joint range.
 
-    Each joint alone, the others held, then oscillates at `frequency_hz` [Hz] where its inertia is largest, and faster
+    Each joint alone, the others held, then oscillates at `frequency_hz` where its inertia is largest, and faster
     and less damped elsewhere. A joint without limits is taken over a whole turn, or a metre. Where axes fall into line
     with the others free, far less than M_jj moves: a wrist, or an upper arm that rolls below a stretched forearm. The
-    joints that move in a mode of M^-1 kd too fast for a loop of `rate_hz` get less than their M_jj, until there is no
-    such mode. motor_inertia (n, n) is what motors add to the mass matrix.
+    joints that move in a mode of M^-1 kd too fast for the loop get less than their M_jj, until there is no such mode.
+
+    Args:
+        model: The robot; needs inertia.
+        frequency_hz: Natural frequency [Hz].
+        damping_ratio: Damping ratio.
+        rate_hz: Rate of the control loop [Hz].
+        motor_inertia: Inertia that motors add to the mass matrix (n, n); none when None.
+
+    Raises:
+        InputError: A number that is not positive.
     """
     for name, value in (("frequency_hz", frequency_hz), ("damping_ratio", damping_ratio), ("rate_hz", rate_hz)):
         as_positive(name, value)
@@ -150,10 +174,13 @@ def _reduced_inertia(inertia: Floats, masses: Floats, most: float) -> Floats:
 
 
 def default_limits(torque: ArrayLike, units: tuple[str, ...], lower: Floats, upper: Floats) -> TorqueLimits:
-    """Return torque limits: _RISE_TIME_S from none to all of `torque`, which fades over _TAPER_WIDTHS to joint limits.
+    """Return torque limits with a rise time and a taper towards the joint limits.
 
-    torque (n,) is the largest [Nm|N], infinity for none, which has no largest rate either; joint limits (n,) [rad|m]
-    are infinite for none.
+    Args:
+        torque: Largest torques (n,) [Nm|N]; infinity for none, which then has no largest rate either.
+        units: Unit of each joint, "rad" or "m".
+        lower: Lower joint limits (n,) [rad|m]; infinite for none.
+        upper: Upper joint limits (n,).
     """
     most = as_array("torque", torque, (len(units),), finite=False)
     return TorqueLimits(

@@ -61,7 +61,15 @@ class FiniteTicks:
 
 
 def hold(plant: Plant, q: Floats) -> bool:
-    """Command positions q (n,) and return True, or zero torque where the robot takes none or q is not finite."""
+    """Command a robot to hold positions; zero torque where it takes no positions or they are not finite.
+
+    Args:
+        plant: The robot.
+        q: Positions (n,) [rad|m].
+
+    Returns:
+        Whether positions were commanded.
+    """
     if "servo_jp" in plant.supports and np.isfinite(q).all():
         plant.servo_jp(q)
         return True
@@ -70,9 +78,12 @@ def hold(plant: Plant, q: Floats) -> bool:
 
 
 def leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
-    """Hold where a robot is measured to be, or go limp, then pause; what fails on the way is told with the error.
+    """Hold a robot at its measured positions, or make it limp, then pause it, after an error.
 
-    `last` (n,) [rad|m] stands in for joints that are not measured now.
+    Args:
+        plant: The robot.
+        last: Last known positions (n,) [rad|m], for joints that are not measured now.
+        error: The error; what fails on the way is added to it as a note.
     """
 
     def stay() -> None:

@@ -51,7 +51,16 @@ class ActuationLoads(NamedTuple):
 
 
 def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) -> ActuationLoads:
-    """Return friction of every joint, Coulomb's [Nm or N] and viscous [Nms/rad or Ns/m], each one number or (n,)."""
+    """Return Coulomb and viscous friction of every joint, as loads of the dynamics.
+
+    Args:
+        model: The robot.
+        coulomb: Coulomb friction [Nm or N], one number or (n,).
+        viscous: Viscous friction [Nms/rad or Ns/m], one number or (n,).
+
+    Raises:
+        InputError: A negative number, or another shape.
+    """
     values = np.empty((model.n, 2))
     for column, (name, given) in enumerate((("friction", coulomb), ("viscous", viscous))):
         values[:, column] = as_not_negative(name, one_for_all(given, model.n), (model.n,))
@@ -95,7 +104,21 @@ def actuation_columns(
 def term_load(
     term: ActuationTerm, q: Floats, qd: Floats, qdd: Floats, coulomb_velocity: float, carried: Floats | None = None
 ) -> Floats:
-    """Return the load f(s) (N,) of one term along s = c . q, per unit; friction as in steady sliding."""
+    """Return the load of one actuation term along its coordinate s = c . q, per unit of its parameter.
+
+    Friction is that of steady sliding.
+
+    Args:
+        term: The term, with its combination c.
+        q: Positions (N, n) [rad or m].
+        qd: Velocities (N, n).
+        qdd: Accelerations (N, n).
+        coulomb_velocity: Velocity at which Coulomb friction is fully developed.
+        carried: Torques that the drive carries, (N, n), for friction that grows with them; none when None.
+
+    Returns:
+        Loads f(s), (N,).
+    """
     c = term.combination
     along = 0.0 if carried is None else carried @ c
     load = load_along(term, q @ c, qd @ c, qdd @ c, along, coulomb_velocity)
@@ -124,7 +147,15 @@ def lever_load(lever: LeverSpring, s: Any, f: Any = np) -> Any:
 
 
 def known_torque(actuation: Actuation, q: Floats) -> Floats:
-    """Return torques (N, n) [Nm or N] that are known beforehand, at q (N, n)."""
+    """Return the torques of a robot's known springs, cables and balances.
+
+    Args:
+        actuation: What loads the robot's joints.
+        q: Positions (N, n) [rad or m].
+
+    Returns:
+        Torques (N, n) [Nm or N].
+    """
     out = np.zeros(q.shape)
     for term in actuation.known_torques:
         out += np.polyval(term.polynomial, q @ term.combination)[:, None] * term.along

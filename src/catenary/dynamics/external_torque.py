@@ -69,11 +69,19 @@ def external_torque(
 def external_wrench(
     model: RobotModel, q: ArrayLike, external: ExternalTorque, frame: str | None = None
 ) -> ExternalWrench:
-    """Return the force and moment on a frame that ask for torques: J^T wrench = torque, by weighted least squares.
+    """Estimate the external wrench on a frame from external torques, by weighted least squares: J^T w = torque.
 
-    Of an arm with fewer than six joints, or in a singular pose, what no joint feels is NaN; what is told then holds for
-    a wrench without those parts. q (n,) [rad or m] and the torques (n,), with widths above zero, are of one
-    configuration; the moment is about the frame's origin, the tip's when None.
+    With fewer than six joints, or in a singular pose, components that no joint feels are NaN; the others then hold for
+    a wrench without those components.
+
+    Args:
+        model: The robot.
+        q: Configuration (n,) [rad or m].
+        external: External torques (n,) with half-widths above zero, at `q`.
+        frame: Frame that the wrench acts on, about whose origin the moment is; the tip when None.
+
+    Raises:
+        InputError: Another shape, or a half-width of zero.
     """
     torque = as_array("external torque", external.torque, (model.n,))
     spread = as_positive("half-width of the external torque", external.half_width, (model.n,))

@@ -58,11 +58,23 @@ def inverse_dynamics(
 
     Recursive Newton-Euler (Luh, Walker, Paul 1980). A moving base loads the joints with
     gravity - a_base - alpha x r - omega x (omega x r) in place of gravity, and with the moments that turn
-    the links along with it. Its motion is the same for every row or one for each; at rest when None. With `loads`, such
-    as `known_loads(model)`, friction, rotors, springs and known torques take part; `forward_dynamics` is the inverse.
+    the links along with it. `forward_dynamics` is the inverse.
 
-    For q, qd and qdd, each (n,) or (N, n) [rad or m, and per s, s2], and gravity (3,) or (N, 3), free-fall acceleration
-    in base axes, down [m/s2]: (n,) or (N, n) [Nm or N]. Needs inertia.
+    Args:
+        model: The robot; needs inertia.
+        q: Positions (n,) or (N, n) [rad or m].
+        qd: Velocities, as `q`.
+        qdd: Accelerations, as `q`.
+        gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
+        base: Motion of the base, one for all rows or one a row; at rest when None.
+        loads: Friction, rotors, springs and known torques to add: `known_loads(model)`; none when None.
+
+    Returns:
+        Torques (n,) or (N, n) [Nm or N].
+
+    Raises:
+        InputError: Another shape, or not finite.
+        MissingInertiaError: A link without inertia.
     """
     if base is None and loads is None:
         quick = _INVERSE_DYNAMICS.of_one(model, (q, qd, qdd, gravity, _AT_REST, _AT_REST))
@@ -106,10 +118,20 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
 
 
 def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
-    """Return the mass matrix: the kinetic energy is qd^T M qd / 2; motors' inertia is not in it.
+    """Return the mass matrix, of the kinetic energy qd^T M qd / 2, without the motors' inertia.
 
-    Composite rigid bodies (Walker, Orin 1982). For q (n,) or (N, n) [rad or m]: symmetric (n, n) or (N, n, n)
-    [kg m2, kg m or kg]. Needs inertia.
+    Composite rigid bodies (Walker, Orin 1982).
+
+    Args:
+        model: The robot; needs inertia.
+        q: Positions (n,) or (N, n) [rad or m].
+
+    Returns:
+        Symmetric (n, n) or (N, n, n) [kg m2, kg m or kg].
+
+    Raises:
+        InputError: Another shape, or not finite.
+        MissingInertiaError: A link without inertia.
     """
     quick = _MASS_MATRIX.of_one(model, (q,))
     if quick is not None:
@@ -121,7 +143,13 @@ def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
 
 
 def warn_of_motion(model: RobotModel, q: Floats, gravity: Floats) -> None:
-    """Warn the caller's caller of gravity (1 or N, 3) [m/s2] and joints (N, n) that are hardly what was meant."""
+    """Warn of gravity that points up or is too large, and of joints far beyond their limits.
+
+    Args:
+        model: The robot.
+        q: Positions (N, n) [rad or m].
+        gravity: Gravity (1 or N, 3) [m/s2].
+    """
     odd = (gravity[:, 2] > _UP_M_S2) | (np.abs(gravity).max(axis=1) > _FELT_M_S2)
     said = gravity_doubts(gravity[odd.argmax()]) if odd.any() else []
     away = np.maximum(model.lower - q, q - model.upper).max(axis=0, initial=0.0)
@@ -133,7 +161,19 @@ def warn_of_motion(model: RobotModel, q: Floats, gravity: Floats) -> None:
 
 
 def gravity_rows(vectors: ArrayLike, count: int, name: str = "gravity") -> Floats:
-    """Return gravity, or another vector, (3,) or (N, 3) as one row for all or for each of `count` configurations."""
+    """Return gravity, or another vector, as one row for all configurations or one for each.
+
+    Args:
+        vectors: (3,) or (N, 3).
+        count: Number of configurations N.
+        name: The quantity, which opens every message.
+
+    Returns:
+        (1, 3) or (N, 3).
+
+    Raises:
+        InputError: Another shape, or not finite.
+    """
     rows, single = as_batch(name, vectors, 3)
     if not single and len(rows) != count:
         raise InputError(f"{name}: expected shape (3,) or ({count}, 3), as q has it, got {rows.shape}")
@@ -155,7 +195,19 @@ def base_rows(base: BaseMotion | None, count: int) -> list[Floats]:
 
 
 def motion_rows(model: RobotModel, q: ArrayLike, **rates: ArrayLike | None) -> tuple[list[Floats], bool]:
-    """Return q and its rates of the same shape, zero where None, as (N, n) each, and whether q was a single row."""
+    """Return a motion's positions and rates as batches of rows.
+
+    Args:
+        model: The robot.
+        q: Positions (n,) or (N, n) [rad or m].
+        **rates: Velocities and accelerations by name, as `q`; zero where None.
+
+    Returns:
+        The arrays (N, n), positions first, and whether `q` was a single row.
+
+    Raises:
+        InputError: Another shape, or not finite.
+    """
     rows, single = as_batch("q", q, model.n)
     shape = (model.n,) if single else rows.shape
     given = (np.zeros(shape) if rate is None else as_array(name, rate, shape) for name, rate in rates.items())

@@ -106,15 +106,24 @@ def nearest_coordinates(
     tolerances: tuple[float, float] = (_NEAREST, _NEAREST),
     max_iterations: int = 300,
 ) -> Approach:
-    """Return the coordinates within the limits whose frame comes nearest to a pose, as far as a search finds them.
+    """Return the coordinates within the limits whose frame comes nearest to a pose: a local search from a start.
 
-    For poses that were measured, or asked of arms with fewer than six coordinates, which none reaches exactly. Nearest
-    in the sum of squares of the distance [m] and the angle [rad], of which `tolerances` are near enough.
+    For measured poses, and for arms with fewer than six coordinates, which reach no arbitrary pose exactly. Nearest is
+    the least sum of squares of the distance [m] and the angle [rad].
 
     Levenberg-Marquardt: step = (J^T J + damping 1)^-1 J^T e, e the position error [m] over the rotation that
     is left [rad]; the damping shrinks after a step that helped and grows until one does. A coordinate that a
     step would press against its limit is left out of it. [D. Marquardt, J. SIAM 11 (1963); for inverse
     kinematics T. Sugihara, IEEE Trans. Robotics 27 (2011)]
+
+    Args:
+        model: The robot.
+        pose: Target pose in the base frame.
+        q_start: Start of the search (n,) [rad or m].
+        frame: Frame to place; the tip when None.
+        match: "pose", or "position" alone.
+        tolerances: Distance [m] and angle [rad] at which the search ends.
+        max_iterations: Most steps of the search.
     """
     rows = 6 if match == "pose" else 3
 

@@ -45,32 +45,65 @@ class Configuration:
 
 
 def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None) -> Pose:
-    """Return the pose of a frame, the tip's when None, in the base frame.
+    """Return the pose of a frame in the base frame.
 
-    For q (n,) or (N, n) [rad or m]: its rotation (3, 3) or (N, 3, 3) and position (3,) or (N, 3) [m].
+    Args:
+        model: The robot.
+        q: Positions (n,) or (N, n) [rad or m].
+        frame: Name of the frame; the tip when None.
+
+    Returns:
+        Rotation R_base_frame (3, 3) or (N, 3, 3) and position (3,) or (N, 3) [m].
+
+    Raises:
+        InputError: Another shape, not finite, or no such frame.
     """
     return Configuration(model, q).pose(frame)
 
 
 def link_poses(model: RobotModel, q: ArrayLike) -> tuple[Floats, Floats]:
-    """Return R_base_i (n_tree, 3, 3) and origins (n_tree, 3) [m] of all moving links, or (N, ...), as `link_names`."""
+    """Return the poses of all moving links in the base frame.
+
+    Args:
+        model: The robot.
+        q: Positions (n,) or (N, n) [rad or m].
+
+    Returns:
+        Rotations R_base_i (n_tree, 3, 3) and origins (n_tree, 3) [m], or (N, ...) of each, in the order of
+        `link_names`.
+    """
     placed, single = Configuration(model, q), np.ndim(q) == 1
     rotations, positions = placed.rotations[:, :-1].copy(), placed.positions[:, :-1].copy()
     return (rotations[0], positions[0]) if single else (rotations, positions)
 
 
 def relative_pose(model: RobotModel, q: ArrayLike, frame: str, in_frame: str) -> Pose:
-    """Return the pose of one frame in another, T_in_frame_frame, at one configuration."""
+    """Return the pose of one frame in another, T_in_frame_frame.
+
+    Args:
+        model: The robot.
+        q: One configuration (n,) [rad or m].
+        frame: Frame whose pose is wanted.
+        in_frame: Frame that it is expressed in.
+    """
     placed = Configuration(model, q)
     return placed.pose(in_frame).inverse() @ placed.pose(frame)
 
 
 def jacobian(model: RobotModel, q: ArrayLike, frame: str | None = None, point: ArrayLike | None = None) -> Floats:
-    """Return the Jacobian of a point (3,) [m] fixed in a frame, in base axes; of the tip, and its origin, when None.
+    """Return the Jacobian of a point fixed in a frame, in base axes.
 
-    (velocity of the point; angular velocity of the frame) = J qd. A revolute joint with axis z through o
-    gives the column (z x (p - o); z), a prismatic one (z; 0); joints that do not carry the frame give zeros. For q (n,)
-    or (N, n) [rad or m]: (6, n) or (N, 6, n).
+    (velocity of the point; angular velocity of the frame) = J qd. A revolute joint with axis z through o gives the
+    column (z x (p - o); z), a prismatic one (z; 0); joints that do not carry the frame give zeros.
+
+    Args:
+        model: The robot.
+        q: Positions (n,) or (N, n) [rad or m].
+        frame: Name of the frame; the tip when None.
+        point: Point in the frame's axes (3,) [m]; its origin when None.
+
+    Returns:
+        (6, n) or (N, 6, n).
     """
     return Configuration(model, q).jacobian(frame, point)
 

@@ -125,9 +125,15 @@ def newton_euler_terms(p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, mo
 
 
 def carried_load_line(model: RobotModel, frame: Frame, body: LinkInertia) -> Line:
-    """Trace the force and moment (6,) by which a body loads the frame that carries it, in its axes, about its origin.
+    """Trace the force and moment by which a body loads the frame that carries it, in its axes, about its origin.
 
-    Inputs q, qd, qdd (n,) and gravity (3,). Only the body needs an inertia.
+    Args:
+        model: The robot, whose own links need no inertia.
+        frame: Frame that carries the body.
+        body: Its mass, centre of mass and inertia.
+
+    Returns:
+        A line of inputs q, qd, qdd (n,) and gravity (3,), with six results [N, Nm].
     """
     tree, (link, pose) = model.tree, frame
     own = Tree(link, False, pose.rotation, pose.position, [0.0, 0.0, 1.0], body.mass, body.com, body.inertia)  # type: ignore[arg-type]

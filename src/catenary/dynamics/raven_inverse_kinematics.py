@@ -186,12 +186,23 @@ _METRE_IN_RADIANS = 100.0  # the robot's software weighs insertion so when it co
 def raven_path(
     model: RobotModel, rotations: ArrayLike, positions: ArrayLike, q_start: ArrayLike | None = None
 ) -> Floats:
-    """Return configurations within the joint limits along a path of poses, each the nearest to the one before.
+    """Return joint configurations along a path of poses, each within the limits and nearest to the one before.
 
     Distance is in rad, a metre of insertion counting as 100 rad, as in the robot's software; unlike it, a
-    solution far away is not refused. Rotations (N, 3, 3) are R_base_tip (of three joints the positions count),
-    positions (N, 3) of the tip in the base [m], q_start (n,) the configuration before the first pose, the middle of the
-    limits when None; the result is (N, n) [rad or m].
+    distant solution is not refused.
+
+    Args:
+        model: A RAVEN-II arm.
+        rotations: R_base_tip (N, 3, 3); of a three-joint arm only positions count.
+        positions: Positions of the tip in the base frame (N, 3) [m].
+        q_start: Configuration before the first pose (n,) [rad or m]; the middle of the limits when None.
+
+    Returns:
+        Configurations (N, n) [rad or m].
+
+    Raises:
+        InputError: Another shape, or no rotation matrix.
+        UnreachablePoseError: A pose without a solution within the limits.
     """
     arm, frame_0 = _arm(model), model.frame("frame0").pose
     R = as_array("rotations", rotations, (None, 3, 3))

@@ -36,13 +36,24 @@ Numbers = NDArray[Any]  # an array of such numbers
 
 @inlined
 def row(array: Numbers, i: int) -> Vector:
-    """Return row i of an (n, 3) array."""
+    """Return row i of an (n, 3) array as a vector.
+
+    Args:
+        array: (n, 3).
+        i: Row.
+    """
     return array[i, 0], array[i, 1], array[i, 2]
 
 
 @inlined
 def put(array: Numbers, i: int, v: Vector) -> None:
-    """Write a vector into row i of an (n, 3) array."""
+    """Write a vector into row i of an (n, 3) array.
+
+    Args:
+        array: (n, 3), written.
+        i: Row.
+        v: Vector.
+    """
     array[i, 0] = v[0]
     array[i, 1] = v[1]
     array[i, 2] = v[2]
@@ -76,13 +87,23 @@ def scale(factor: Any, a: Vector) -> Vector:
 
 @inlined
 def dot(a: Vector, b: Vector) -> Any:
-    """Return a . b."""
+    """Return the scalar product a . b.
+
+    Args:
+        a: Vector.
+        b: Vector.
+    """
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
 def cross(a: Vector, b: Vector) -> Vector:
-    """Return a x b."""
+    """Return the cross product a x b.
+
+    Args:
+        a: Vector.
+        b: Vector.
+    """
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
@@ -98,7 +119,13 @@ def times(matrices: Numbers, i: int, v: Vector) -> Vector:
 
 @inlined
 def transpose_times(matrices: Numbers, i: int, v: Vector) -> Vector:
-    """Return matrices[i].T @ v; with R_parent_i it takes a vector from the parent to frame i."""
+    """Return matrices[i].T @ v; with R_parent_i it takes a vector from the parent's axes to those of frame i.
+
+    Args:
+        matrices: (n, 3, 3).
+        i: Matrix.
+        v: Vector.
+    """
     return (
         matrices[i, 0, 0] * v[0] + matrices[i, 1, 0] * v[1] + matrices[i, 2, 0] * v[2],
         matrices[i, 0, 1] * v[0] + matrices[i, 1, 1] * v[1] + matrices[i, 2, 1] * v[2],
@@ -108,11 +135,18 @@ def transpose_times(matrices: Numbers, i: int, v: Vector) -> Vector:
 
 @inlined
 def place_joints(tree: Tree, x: Numbers, sine: Numbers, cosine: Numbers, rotation: Numbers, position: Numbers) -> None:
-    """Place every link in its parent.
+    """Compute the pose of every link in its parent.
 
-    A revolute joint turns by Rodrigues' formula, R = c 1 + s [a]x + (1 - c) a a^T, a prismatic one moves
-    its frame along its axis.
-    Of prismatic joints the displacement x (n,) [m] is read, of revolute ones sine and cosine (n,) of the angle.
+    A revolute joint turns by Rodrigues' formula, R = c 1 + s [a]x + (1 - c) a a^T; a prismatic one moves its frame
+    along its axis.
+
+    Args:
+        tree: The robot's tree.
+        x: Coordinates (n,), read of prismatic joints [m].
+        sine: Sines of the angles (n,), read of revolute joints.
+        cosine: Cosines of the angles (n,).
+        rotation: R_parent_i (n, 3, 3), written.
+        position: Origins in the parent (n, 3) [m], written.
     """
     for i in range(len(tree.parent)):
         a = row(tree.axis, i)
@@ -196,7 +230,16 @@ def gravity_recursion(
     joint holds -a . (moment x g) and a prismatic one -a . g mass, which is the sum of A. Lewis,
     B. Hannaford, "Dynamically evaluated gravity compensation for the RAVEN surgical robot", 2014, eq. 1-3,
     with each carried link counted once instead of once per joint.
-    `gravity` is the free-fall acceleration in the base frame [m/s2], `torque` (n,) is written [Nm or N].
+
+    Args:
+        tree: The robot's tree.
+        rotation: R_parent_i (n, 3, 3).
+        position: Origins in the parent (n, 3) [m].
+        gravity: Free-fall acceleration in base axes [m/s2].
+        mass: Mass that each joint carries (n,) [kg], written.
+        moment: Its first moment in frame i (n, 3) [kg m], written.
+        link_gravity: Gravity in each link's axes (n + 1, 3), written; the base's last.
+        torque: Torques of the tree's joints (n,) [Nm or N], written.
     """
     n = len(tree.parent)
     put(link_gravity, n, gravity)
@@ -264,8 +307,19 @@ def newton_euler_recursion(
 
     The caller writes the base's motion into the last rows of `omega`, `alpha` and `acceleration`, gravity as
     an upward acceleration: acceleration[n] = a_base - gravity.
-    `xd`, `xdd` (n,) are rates of the tree's coordinates. Written are the force that the parent exerts on link i and all
-    beyond [N], its moment about the origin of frame i [Nm], and of it the torque (n,) along the joint [Nm or N].
+
+    Args:
+        tree: The robot's tree.
+        rotation: R_parent_i (n, 3, 3).
+        position: Origins in the parent (n, 3) [m].
+        xd: Velocities of the tree's coordinates (n,).
+        xdd: Accelerations of the tree's coordinates (n,).
+        omega: Angular velocities in each link's axes (n + 1, 3) [rad/s], written but for the last row.
+        alpha: Angular accelerations, as `omega` [rad/s2].
+        acceleration: Accelerations of the origins, as `omega` [m/s2].
+        force: Force by which the parent acts on link i and all beyond it (n + 1, 3) [N], written.
+        moment: Its moment about the origin of frame i (n + 1, 3) [Nm], written.
+        torque: Torques along the joints (n,) [Nm or N], written.
     """
     n = len(tree.parent)
     put(force, n, (0.0, 0.0, 0.0))
@@ -304,7 +358,15 @@ def composite_body_recursion(
 
     Locked beyond joint i, the robot is one body. Accelerating it by joint i alone takes a force and a moment,
     whose parts along joint i and the joints before it are a column of the matrix.
-    Writes the inertia of what each joint carries, about the frame's origin [kg m2], and `matrix` (n, n).
+
+    Args:
+        tree: The robot's tree.
+        rotation: R_parent_i (n, 3, 3).
+        position: Origins in the parent (n, 3) [m].
+        mass: Mass that each joint carries (n,) [kg], written.
+        moment: Its first moment (n, 3) [kg m], written.
+        inertia: Its inertia about the frame's origin (n, 3, 3) [kg m2], written.
+        matrix: Mass matrix of the tree's coordinates (n, n), written.
     """
     n = len(tree.parent)
     first_moments(tree, rotation, position, mass, moment)
@@ -376,7 +438,17 @@ def _add_shifted(inertia: Numbers, i: int, mass: float, moment: Vector, r: Vecto
 def place_tree(
     tree: Tree, coupling: Floats, offset: Floats, q: Floats, work: Floats, rotation: Floats, position: Floats
 ) -> None:
-    """Place every link in its parent at coordinates q (n,); work is (3, n_tree)."""
+    """Compute the pose of every link in its parent, at a robot's coordinates.
+
+    Args:
+        tree: The robot's tree.
+        coupling: Tree coordinates per robot coordinate (n_tree, n).
+        offset: Tree coordinates at zero (n_tree,).
+        q: Coordinates (n,) [rad or m].
+        work: Scratch (3, n_tree).
+        rotation: R_parent_i (n_tree, 3, 3), written.
+        position: Origins in the parent (n_tree, 3) [m], written.
+    """
     x, sine, cosine = work[0], work[1], work[2]
     to_tree(coupling, q, x)
     for i in range(len(offset)):
@@ -398,7 +470,13 @@ def to_tree(coupling: Floats, rates: Floats, tree_rates: Floats) -> None:
 
 @inlined
 def to_robot(coupling: Floats, tree_torque: Floats, torque: Floats) -> None:
-    """Write coupling.T @ tree_torque: torques along the robot's coordinates."""
+    """Compute torques along a robot's coordinates from those of its tree: coupling^T tau.
+
+    Args:
+        coupling: Tree coordinates per robot coordinate (n_tree, n).
+        tree_torque: Torques of the tree's joints (n_tree,) [Nm or N].
+        torque: Torques along the coordinates (n,) [Nm or N], written.
+    """
     for k in range(coupling.shape[1]):
         total = 0.0
         for i in range(coupling.shape[0]):

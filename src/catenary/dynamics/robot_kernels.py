@@ -60,7 +60,15 @@ def mass_matrix_kernel(model: RobotModel) -> Kernel:
 
 
 def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Kernel:
-    """Return `kernel(q)`, rows of (R_base_frame, origin [m]), (3, 4), at q (n,) [rad|m]; of the tip when None."""
+    """Return the compiled forward kinematics of a frame.
+
+    Args:
+        model: The robot.
+        frame: Name of the frame; the tip when None.
+
+    Returns:
+        `kernel(q)`, of q (n,) [rad|m]: rows of (R_base_frame, origin [m]), (3, 4).
+    """
     name = model.tip if frame is None else frame
     return known_kernel(model, f"pose-{name}", lambda m: lines.forward_kinematics_line(m, name), (3, 4)).ready()
 
@@ -107,9 +115,13 @@ class DynamicQuantity(NamedTuple):
 
 
 def known_kernel(model: RobotModel, name: str, trace: Trace, shape: tuple[int, ...]) -> Kernel:
-    """Return a robot's kernel, traced once for as long as the model is there and compiled when it is used.
+    """Return a robot's kernel of a quantity, traced once in the model's lifetime and compiled at its first use.
 
-    No other quantity of this robot's may have its name; shape is that of one configuration's result.
+    Args:
+        model: The robot, which keeps its kernels.
+        name: Name of the quantity, unique for the robot.
+        trace: Traces the quantity of a model.
+        shape: Shape of one configuration's result.
     """
     kernel = model.kernels.get(name)
     if not isinstance(kernel, Kernel):

@@ -37,10 +37,19 @@ PARAMETER_UNITS = ("kg", "kg m", "kg m", "kg m", *(["kg m2"] * 6))
 def torque_regressor(
     model: RobotModel, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, gravity: ArrayLike, base: BaseMotion | None = None
 ) -> Floats:
-    """Return the matrix Y of tau = Y phi, for the robot's links and its coordinates; needs no inertia.
+    """Return the regressor Y of tau = Y phi, linear in the links' inertial parameters.
 
-    For arguments as of `inverse_dynamics`: (n, 10 n_tree) or (N, n, 10 n_tree), columns by link in the order of
-    `model.link_names`, within a link in that of `PARAMETER_NAMES`.
+    Args:
+        model: The robot; needs no inertia.
+        q: Positions (n,) or (N, n) [rad or m].
+        qd: Velocities, as `q`.
+        qdd: Accelerations, as `q`.
+        gravity: Free-fall acceleration in base axes, (3,) or (N, 3) [m/s2].
+        base: Motion of the base; at rest when None.
+
+    Returns:
+        (n, 10 n_tree) or (N, n, 10 n_tree): columns by link in the order of `model.link_names`, within a link in that
+        of `PARAMETER_NAMES`.
     """
     (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
     felt = felt_rows(gravity, base, len(rows))
@@ -62,7 +71,15 @@ def link_parameters(tree: Tree) -> Floats:
 
 
 def tree_with_parameters(tree: Tree, phi: ArrayLike) -> Tree:
-    """Return a tree with given links' parameters: the inverse of `link_parameters`."""
+    """Return a tree with given inertial parameters: the inverse of `link_parameters`.
+
+    Args:
+        tree: The robot's tree.
+        phi: Parameters of all links (10 n_tree,), as `PARAMETER_NAMES`.
+
+    Raises:
+        InputError: Another shape, or a mass that no body with these moments has.
+    """
     values = as_array("phi", phi, (PER_LINK * len(tree.parent),)).reshape(-1, PER_LINK)
     com, inertia = np.zeros((len(values), 3)), np.zeros((len(values), 3, 3))
     for i, (mass, moment, six) in enumerate(zip(values[:, 0], values[:, 1:4], values[:, 4:], strict=True)):

@@ -427,11 +427,17 @@ def _require_same_structure(made_of: RobotModel, robot: RobotModel) -> None:
 
 
 def gravity_latex(model: RobotModel, gravity: ArrayLike = LEVEL) -> str:
-    """Return what holds each joint still, in Nm and N, as a line of LaTeX: g_{1} = 4.2 c_{1} - 0.5 s_{12}.
+    """Return the gravity torques of every joint as LaTeX: g_{1} = 4.2 c_{1} - 0.5 s_{12}, with c_{12} = cos(q_1 + q_2).
 
-    c_{12} is cos(q_1 + q_2), joints in rad and m; numbers have six digits. Sums are written out; where an arm's twists
-    make them too long, in terms that are defined once on lines before them. Turns that are quarter turns to within
-    1e-6 rad are taken for such. Gravity (3,) is in base axes, down [m/s2].
+    Sums are written out; where an arm's twists make them too long, in terms that are defined once on the lines before.
+    Numbers have six digits; turns within 1e-6 rad of quarter turns are taken as such.
+
+    Args:
+        model: The robot; needs masses.
+        gravity: Free-fall acceleration in base axes (3,) [m/s2].
+
+    Returns:
+        Formulas in Nm and N, of joints in rad and m.
     """
     model.require_masses()
     regressor = compact_regressor(model)

@@ -140,16 +140,30 @@ def _body(information: Floats, score: Floats) -> tuple[Floats, Floats]:
 
 
 def mixed(shares: Floats, means: Floats, covariances: Floats) -> tuple[Floats, Floats]:
-    """Return mean (k,) and covariance (k, k) of a mixture of Gaussians with shares (N,), means and covariances."""
+    """Return the mean and covariance of a mixture of Gaussians.
+
+    Args:
+        shares: Shares of the components (N,), of sum one.
+        means: Their means (N, k).
+        covariances: Their covariances (N, k, k).
+
+    Returns:
+        (k,) and (k, k).
+    """
     mean: Floats = shares @ means
     spread = means - mean
     return mean, np.einsum("n,nij->ij", shares, covariances) + np.einsum("n,ni,nj->ij", shares, spread, spread)
 
 
 def load_of_any_size(u: Floats, covariance: Floats) -> tuple[float, Floats, Floats]:
-    """Return what is to be added to the log evidence of a large load if its size is one of many, and the load then.
+    """Return the evidence and the estimate of a load whose size has a prior over many scales.
 
-    u (k,) is the load in standard deviations of a large one, found as of that size, with its covariance.
+    Args:
+        u: Estimate of the load (k,), in standard deviations of the prior of a large load.
+        covariance: Its covariance (k, k).
+
+    Returns:
+        Log evidence beyond that of a large load, the load (k,) and its covariance (k, k).
     """
     precision = np.linalg.inv(covariance)
     information, score = precision - np.eye(len(u)), precision @ u
@@ -158,7 +172,15 @@ def load_of_any_size(u: Floats, covariance: Floats) -> tuple[float, Floats, Floa
 
 
 def log_evidence(information: Floats, score: Floats) -> Floats:
-    """Return log p(y | load) - log p(y | no load) (N,), of J (N, k, k) and b (N, k) in standard deviations."""
+    """Return the log Bayes factor log p(y | load) - log p(y | no load) of loads with a standard normal prior.
+
+    Args:
+        information: Information matrices J (N, k, k).
+        score: Score vectors b (N, k).
+
+    Returns:
+        (N,).
+    """
     whole = np.eye(score.shape[1]) + information
     _, log_determinant = np.linalg.slogdet(whole)
     explained = np.einsum("ni,ni->n", score, np.linalg.solve(whole, score[..., None])[..., 0])
@@ -172,7 +194,12 @@ def probabilities(evidence: Sequence[float]) -> list[float]:
 
 
 def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
-    """Return the fewest names that hold 95 % of all shares together, the largest first."""
+    """Return the smallest set of hypotheses that holds 95 % of the probability, likeliest first.
+
+    Args:
+        names: Hypotheses.
+        shares: Their probabilities, up to a factor.
+    """
     order = np.argsort([-share for share in shares], kind="stable")
     total, held, found = sum(shares), 0.0, []
     for k in order:
@@ -186,10 +213,17 @@ def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
 def telling_joint(
     regressor: CompactRegressor, loads: Sequence[tuple[str, Floats]], q: Floats, gravity: Floats, noise: Floats
 ) -> str | None:
-    """Return the joint whose motion tells a load from another, or from a constant; None where no joint's does.
+    """Return the joint whose motion best separates two loads, or a load from a constant torque.
 
-    loads are a frame with mass and moment (4,) [kg, kg m] each, one or two; one joint is thought to move from q, within
-    its limits; noise is (n,) [Nm|N].
+    Args:
+        regressor: Compact regressor of the robot.
+        loads: One or two loads: a frame, with mass and first moment (4,) [kg, kg m].
+        q: Configuration (n,) from which one joint at a time moves within its limits [rad or m].
+        gravity: Free-fall acceleration in base axes (3,) [m/s2].
+        noise: Standard deviation of the torques (n,) [Nm|N].
+
+    Returns:
+        Name of the joint, or None where the motion of no joint separates them.
     """
     model = regressor.model
     first, *others = (load_directions(regressor, frame) @ load for frame, load in loads)
@@ -207,7 +241,12 @@ def telling_joint(
 
 
 def location_text(frames: Sequence[str], joint: str | None) -> str:
-    """Say that a load is on a frame, or that poses cannot tell between frames, and which joint would."""
+    """Return the sentence that names a load's frame, or frames that poses cannot separate and the joint to move.
+
+    Args:
+        frames: One or more frames.
+        joint: Joint whose motion separates them; None where none does.
+    """
     if len(frames) == 1:
         return f"on {frames[0]}"
     names = f"{', '.join(frames[:-1])} and {frames[-1]}"

@@ -24,13 +24,16 @@ _POSE_COUNT = 300  # at random within the limits
 
 
 def mass_doubts(model: RobotModel, *, described: RobotModel | None = None) -> tuple[str, ...]:
-    """Return in words what masses of a robot cannot be; none where its links have no masses.
+    """Return the implausible masses of a robot, as sentences.
 
     A link's mass and inertia are those of one homogeneous ellipsoid, with semi-axes a_k^2 = 5/2 (tr I - 2 I_k) / m:
     it is doubted above 30 t/m3 and beyond 3 m. Its centre of mass is doubted farther than 0.4 m, and than the link is
     long, from the lines between the joints and frames on it. Gravity is doubted where it asks more of a joint than its
-    effort limit on a level base, at one of 300 random poses. Where masses were identified, their sum is held against
-    that of the robot's file, `described`.
+    effort limit on a level base, at one of 300 random poses.
+
+    Args:
+        model: The robot; none is doubted of links without masses.
+        described: The robot of the file that masses were identified for, whose sum of masses they are compared with.
     """
     if model.missing_inertia:
         return ()

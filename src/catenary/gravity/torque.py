@@ -24,10 +24,20 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
     -z . sum_k i_g m_k. [Lewis, Hannaford 2014, "Dynamically evaluated gravity compensation for the RAVEN
     surgical robot", eq. 1-3; the paper states the prismatic sign in its text, and writes k >= i for a chain]
 
-    For q (n,) or (N, n) [rad or m] and gravity (3,) or (N, 3), free-fall acceleration in base axes, down: (0, 0, -9.81)
-    upright [m/s2]: (n,) or (N, n) [Nm or N], what the actuators must supply; never negate it. From 50 000 rows or the
-    101st single call on the robot's own kernel runs (`gravity_kernel`), compiled in half a second; it differs in
-    rounding only. One q with many gravities takes q repeated. Needs inertia.
+    From 50 000 rows or the 101st single call on the robot's own kernel runs (`gravity_kernel`), compiled in half a
+    second; it differs in rounding only. For one q with many gravities, repeat q.
+
+    Args:
+        model: The robot; needs inertia.
+        q: Positions (n,) or (N, n) [rad or m].
+        gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2]: (0, 0, -9.81) upright.
+
+    Returns:
+        Torques that the actuators must supply, (n,) or (N, n) [Nm or N]; never negate them.
+
+    Raises:
+        InputError: Another shape, or not finite.
+        MissingInertiaError: A link without inertia.
     """
     quick = _GRAVITY.of_one(model, (q, gravity))
     if quick is not None:
@@ -43,9 +53,15 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
 def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Return the torques to add where firmware compensates for a level base only: g(q, gravity) - g(q, level).
 
-    g is linear in gravity, so this is g(q, gravity - level), exactly zero on a level base. For q (n,) or (N, n) and
-    true gravity (3,) or (N, 3) in base axes [m/s2]; the model is the robot as the firmware knows it, payloads it was
-    told of included.
+    g is linear in gravity, so this is g(q, gravity - level), exactly zero on a level base.
+
+    Args:
+        model: The robot as the firmware knows it, with the payloads that it was given; needs masses.
+        q: Positions (n,) or (N, n) [rad or m].
+        gravity: Measured gravity in base axes, (3,) or (N, 3) [m/s2].
+
+    Returns:
+        (n,) or (N, n) [Nm or N].
     """
     model.require_masses()
     rows, single = as_batch("q", q, model.n)
@@ -124,11 +140,18 @@ _FELT = 1e-4  # [Nm or N per kg m or kg] less is rounding: a first axis of rpy 3
 
 
 def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
-    """Return by how much torques of gravity can be off for what the recordings of an identified robot did not show.
+    """Return the error bound of an identified robot's gravity torques, for parameters that its recordings did not show.
 
-    Recordings on one base show masses as far as they have an effect there: on a level floor not the first moments about
-    an upright axis. Zero where nothing is unseen, and under the gravity that it was identified in. q is (n,), gravity
-    (3,) in base axes [m/s2]; the torques (n,) [Nm or N] can be off so much to either side.
+    Recordings on one base show masses only as far as they act there: on a level floor not the first moments about a
+    vertical axis. The bound is zero where nothing is unseen, and under the gravity of the identification.
+
+    Args:
+        model: The robot.
+        q: Configuration (n,) [rad or m].
+        gravity: Free-fall acceleration in base axes (3,) [m/s2].
+
+    Returns:
+        Largest error to either side (n,) [Nm or N]; infinite where nothing bounds it.
     """
     rows = as_array("q", q, (model.n,))[None]
     rest, down = np.zeros_like(rows), as_array("gravity", gravity, (3,))

@@ -57,9 +57,17 @@ def vendor_of(name: str) -> Vendor:
 
 
 def in_controller_base(name: str, base: RobotModel | str, gravity: ArrayLike) -> Floats:
-    """Return gravity (3,) in axes of a vendor's own base frame, of gravity in those of a model's base, or a named one.
+    """Return gravity in the axes of a vendor's own base frame.
 
-    A Universal Robot's controller has the frame `base`, which its description turns by half a turn from `base_link`.
+    A Universal Robot's controller uses the frame `base`, half a turn from the `base_link` of its description.
+
+    Args:
+        name: Vendor.
+        base: Robot whose base frame gravity is in, or the name of that frame.
+        gravity: Gravity (3,) [m/s2].
+
+    Raises:
+        InputError: A frame whose relation to the controller's is unknown.
     """
     vector = as_array("gravity", gravity, (3,))
     if isinstance(base, str):
@@ -74,7 +82,15 @@ def in_controller_base(name: str, base: RobotModel | str, gravity: ArrayLike) ->
 
 
 def vendor_command(name: str, gravity: ArrayLike) -> str:
-    """Return the line that tells a vendor's controller of gravity (3,) [m/s2] in its base; empty if there is none."""
+    """Return the command that sets gravity in a vendor's controller; empty where there is none.
+
+    Args:
+        name: Vendor.
+        gravity: Gravity in the controller's base frame (3,) [m/s2].
+
+    Raises:
+        InputError: Of length zero, or above any that a controller takes.
+    """
     vendor, vector = vendor_of(name), as_array("gravity", gravity, (3,))
     if not 0.0 < float(np.linalg.norm(vector)) <= _MAX_GRAVITY:
         raise InputError(

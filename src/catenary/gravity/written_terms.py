@@ -28,7 +28,13 @@ Angle = tuple[Floats, float]  # (n,) factors of the coordinates, offset [rad]
 
 
 def turned_back(axis: Floats, angle: Angle, v: SymbolicVector) -> SymbolicVector:
-    """Turn a vector back about an axis u (3,) by Rodrigues' formula, u u.v + c (v - u u.v) - s u x v."""
+    """Return a symbolic vector turned back about an axis, by Rodrigues' formula u u.v + c (v - u u.v) - s u x v.
+
+    Args:
+        axis: Unit vector u (3,).
+        angle: Factors of the joint angles, and a constant [rad].
+        v: Vector of symbolic components.
+    """
     factors, offset = angle
     along = times(np.outer(axis, axis), v)
     across = times(np.eye(3) - np.outer(axis, axis), v)

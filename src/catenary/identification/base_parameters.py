@@ -136,10 +136,17 @@ def base_parameters(
 
 
 def gravity_base_parameters(model: RobotModel, gravity: ArrayLike | None = LEVEL) -> BaseParameters:
-    """Find the combinations of masses and first moments that torques under gravity (3,) [m/s2], or any when None, tell.
+    """Return the base parameters of gravity: the combinations of masses and first moments that torques depend on.
 
     Columns are taken in an order that puts each combination on the link next to the base: first moments from the
-    base outwards, across the joint's axis before along it, masses last. The robot needs no inertia.
+    base outwards, across the joint's axis before along it, masses last.
+
+    Args:
+        model: The robot; needs no inertia.
+        gravity: Gravity in base axes (3,) [m/s2]; any direction when None.
+
+    Raises:
+        InputError: Gravity is zero.
     """
     parameters = Parameters(model, "static", actuated=False)
     rng = np.random.default_rng(0)

@@ -240,7 +240,15 @@ class Excitation:
 def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> Excitation:
     """Choose poses to hold, each the best of twenty random ones beside those before it (greedy log-determinant).
 
-    Nothing touches in them, and the robot can hold its weight; the ways from one to the next are not looked at.
+    The arm touches nothing in them and can hold its weight; the paths between them are not checked.
+
+    Args:
+        limits: Robot, its limits and its free space.
+        count: Number of poses.
+        rng: Source of randomness.
+
+    Raises:
+        InputError: Too few poses for the number of base parameters.
     """
     model, room, g = limits.model, limits.room, limits.gravity
     base = shown_parameters(model, "static", room, g, rng)
@@ -377,12 +385,23 @@ def fourier_motion(
     rate: float = 200.0,
     trials: int = 300,
 ) -> Excitation:
-    """Design one period [s] of a motion that begins and ends at rest, keeps all limits, and shows full dynamics well.
+    """Design one period of a Fourier motion that excites the full dynamics, from rest to rest, within all limits.
 
-    The best of `trials` at random: coefficients, the share of each joint's range that its velocity limit allows, the
+    The best of random trials: coefficients, the share of each joint's range that its velocity limit allows, the
     place of its centre; a third of them anywhere, shrunk until they keep torques, accelerations and distances, the
-    others around the best so far. The best is checked at every instant; where it fails, the one before it is. `rate` is
-    rows per second.
+    others around the best so far. The best is checked at every instant; where it fails, the one before it is taken.
+
+    Args:
+        limits: Robot, its limits and its free space.
+        rng: Source of randomness.
+        period: Period [s].
+        harmonics: Number of harmonics, three or more.
+        rate: Rows per second [Hz].
+        trials: Number of trials.
+
+    Raises:
+        InputError: A number out of range.
+        LimitError: No trial keeps the limits.
     """
     if not (period > 0.0 and rate > 0.0 and trials >= 1 and harmonics >= 3 and period * rate >= 2 * _CONDITION_ROWS):
         raise InputError(

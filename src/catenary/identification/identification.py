@@ -287,7 +287,13 @@ def identify(
 def identify_logs(
     logs: Sequence[MotionLog], samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions
 ) -> Identification:
-    """Identify from recordings and what `prepared` made of them, by the wrench under the base too where they hold it.
+    """Identify from recordings and their filtered samples, with the wrench under the base where they hold it.
+
+    Args:
+        logs: Recordings.
+        samples: What `prepared` made of them.
+        model: The robot.
+        options: Options of the identification.
 
     Raises:
         InputError: A wrench by which the joints' torques are predicted worse than without it.
@@ -341,7 +347,15 @@ def prepared(
     *,
     within_limits: bool = True,
 ) -> tuple[list[Samples], list[Samples]]:
-    """Return what is fitted and what is tested of recordings, their held-out blocks among the latter; as `prepare`."""
+    """Return the samples to fit and the samples to test, held-out blocks among the latter; see `prepare`.
+
+    Args:
+        logs: Recordings to fit.
+        tests: Recordings to test.
+        model: The robot.
+        options: Options of the identification; its `blocks` are held out.
+        within_limits: Whether positions beyond the robot's limits are refused.
+    """
     fitted, tested = (
         [prepare(log, model, options, within_limits=within_limits) for log in part] for part in (logs, tests)
     )
@@ -352,7 +366,13 @@ def prepared(
 
 
 def identify_samples(samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions) -> Identification:
-    """Identify from recordings that are filtered already; see `identify`."""
+    """Identify from filtered samples; see `identify`.
+
+    Args:
+        samples: Filtered rows of each recording.
+        model: The robot.
+        options: Options of the identification.
+    """
     with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other
         return _identified(samples, model, options)
 
@@ -360,7 +380,18 @@ def identify_samples(samples: Sequence[Samples], model: RobotModel, options: Ide
 def gains_of(
     free: Sequence[Samples], loaded: Sequence[Samples], model: RobotModel, options: IdentifyOptions, load: float
 ) -> DriveGains:
-    """Find the drive gains [Nm/A] from currents of an arm alone, and with a load of known mass [kg]."""
+    """Identify drive gains [Nm/A] from currents of an arm without and with a load of known mass.
+
+    Args:
+        free: Filtered rows of recordings without the load, torques in A.
+        loaded: Filtered rows of recordings with it.
+        model: The robot.
+        options: Options of the identification.
+        load: Mass of the load [kg].
+
+    Raises:
+        InputError: The robot has known torques or rotors, which are in Nm.
+    """
     actuation = replace(actuation_of(model), values=None)
     if options.rotors is not None or actuation.known_torques:
         raise InputError("currents: torques of known rotors, cables or springs are in Nm: leave them out")

@@ -45,7 +45,14 @@ def identification_card(
     notes: tuple[str, ...] = (),
     mends: Mapping[str, Sequence[str]] | None = None,
 ) -> Card:
-    """Describe an identification: everything a stranger must know before using its parameters."""
+    """Return the card of an identification: what a user must know before relying on its parameters.
+
+    Args:
+        result: The identification.
+        data: Record of each recording: name, hash, role.
+        notes: Sentences to keep.
+        mends: Corrections of the recordings, by name.
+    """
     base = result.base
     numbers = zip(base.names, result.beta.tolist(), result.std.tolist(), base.units, strict=True)
     return {
@@ -68,7 +75,16 @@ def identification_card(
 
 
 def save_identification(result: Identification, card: Card, path: Path) -> None:
-    """Write an identification to `path` and a readable copy of its card beside it, as `write_with_card` does."""
+    """Write an identification, and a readable copy of its card beside it.
+
+    Args:
+        result: The identification.
+        card: Its card.
+        path: Archive (.npz).
+
+    Raises:
+        OSError: The folder is not writable, or the disk is full.
+    """
     arrays: dict[str, Any] = {
         "structure": np.array(json.dumps(_record(result, robot_record(result.model)))),
         "columns": result.base.columns,

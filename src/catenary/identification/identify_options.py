@@ -84,6 +84,11 @@ def rotors_beside(model: RobotModel) -> tuple[MotorInertia, ...]:
 
 
 def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:
-    """Return the filter: what the options say, the robot's file otherwise."""
+    """Return the signal filter of an identification: of the options, else of the robot's file.
+
+    Args:
+        model: The robot.
+        options: Options of the identification.
+    """
     used = actuation_of(model).filter
     return used if options.cutoff_hz is None else replace(used, cutoff_hz=options.cutoff_hz)

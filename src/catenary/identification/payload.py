@@ -55,7 +55,13 @@ class PayloadEstimate:
 
 
 def estimate_payload(result: Identification, loaded: Sequence[Samples], **how: Any) -> PayloadEstimate:
-    """Return the likeliest of `payload_candidates`, whose arguments these are."""
+    """Return the likeliest payload of `payload_candidates`.
+
+    Args:
+        result: Identification of the arm without a load.
+        loaded: Filtered rows of recordings with the load.
+        **how: Further arguments of `payload_candidates`.
+    """
     return payload_candidates(result, loaded, **how)[0]
 
 

@@ -45,12 +45,19 @@ def residual(samples: Samples, predicted: Floats) -> LogResidual:
 def judged(
     model: RobotModel, samples: Samples, predicted: Floats, training: Floats, seen: "MovedRange | None"
 ) -> LogResidual:
-    """Return the residual of a recording that was not fitted, with the verdict on the model and the reasons.
+    """Return the residual of a recording that was not fitted, with a verdict on the model and its reasons.
 
-    An axis is not predicted that has more than twice the largest relative RMS of the training (n,), and more than a
-    tenth of its torque. holds: all are predicted. unclear: those that are not moved too little, or where nothing was
-    fitted; or a joint moves that was still in training, whatever is left of any axis. fails: one is hardly better than
-    predicting no torque. drifted: otherwise.
+    An axis is not predicted if its relative RMS is more than twice the largest of the training, and more than a
+    tenth of its torque. "holds": all are predicted. "unclear": those that are not moved too little, or where nothing
+    was fitted; or a joint moves that stood still in training. "fails": one is hardly better than predicting no torque.
+    "drifted": otherwise.
+
+    Args:
+        model: The robot.
+        samples: Filtered rows of the recording.
+        predicted: Predicted torques (N, n) [Nm or N].
+        training: Largest relative RMS of each axis in training (n,).
+        seen: Range that each joint moved over in training; unknown when None.
     """
     found, left = residual(samples, predicted), samples.tau - predicted
     with np.errstate(invalid="ignore"):

@@ -105,7 +105,15 @@ def with_base_wrench(model: RobotModel, logs: Sequence[MotionLog]) -> RobotModel
 
 
 def check_positions(log: MotionLog, model: RobotModel) -> None:
-    """Refuse a recording whose positions the robot's joints cannot have."""
+    """Refuse a recording whose positions are beyond the robot's limits.
+
+    Args:
+        log: The recording.
+        model: The robot.
+
+    Raises:
+        InputError: Names the joint, its range and its limits.
+    """
     where, log = f'recording "{log.name}"', of_model(log, model)
     low, high = limits_of(log, model, MAX_POSITIONS)
     least, most = log.q_nominal.min(axis=0), log.q_nominal.max(axis=0)
@@ -260,12 +268,20 @@ class Samples:
 
 
 def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, within_limits: bool = True) -> Samples:
-    """Filter a recording, derive accelerations, cut both ends, and subtract known torques.
+    """Return the filtered rows of a recording: accelerations derived, ends cut, known torques subtracted.
 
     Zero-phase Butterworth; accelerations are central differences of the filtered velocity, and so are velocities that
     were not recorded. Where time goes back, or has gaps, each part is filtered and cut by itself; those shorter than
-    the filter needs are left out. At rest nothing is filtered. Positions beyond the robot's limits are refused, unless
-    what may be wrong with them is to be explained first (`within_limits`).
+    the filter needs are left out. At rest nothing is filtered.
+
+    Args:
+        log: The recording, with torques.
+        model: The robot.
+        options: Options of the identification.
+        within_limits: Whether positions beyond the robot's limits are refused.
+
+    Raises:
+        InputError: No torques or no time, positions beyond the limits, or parts too short for the filter.
     """
     log = checked_log(log, model)
     if within_limits:

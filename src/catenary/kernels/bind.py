@@ -35,11 +35,17 @@ def bind(
 ) -> Callable[[], None]:
     """Return a function without arguments that runs `function(*inputs, *outputs)` on these very arrays.
 
-    It holds the arrays for as long as it lives, and Python's lock while it runs. It costs some 0.01 us more than a
-    builtin function that does nothing. The function is `@compiled` and must not raise: no caller would receive the
-    exception. Arrays are C-contiguous, of float64, int64, uint8 or bool, or of structured types with fields of these
-    (one that is an array cannot be of bool: numba does not know it; take uint8). Inputs are only read; an output
-    overlaps nothing.
+    It keeps the arrays alive, and holds Python's lock while it runs. It costs some 0.01 us more than a builtin function
+    that does nothing.
+
+    Args:
+        function: `@compiled`; it must not raise: no caller would receive the exception.
+        inputs: Arrays that are only read.
+        outputs: Arrays that are written, and overlap no other.
+
+    Raises:
+        InputError: No compiled function, or arrays that are not C-contiguous, of float64, int64, uint8 or bool, or of
+            structured types with fields of these (an array in a field cannot be of bool, which numba does not know).
     """
     if not isinstance(function, Compiled) and not hasattr(function, "py_func"):
         raise InputError(f"bind: expected a @compiled function, got {function!r}")

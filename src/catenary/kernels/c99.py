@@ -58,7 +58,13 @@ _OF_THE_BASE = ("omega", "alpha")  # zero where they are NULL: a base that does 
 
 
 def c_function(prefix: str, name: str, line: Line) -> str:
-    """Write `PREFIX_NAME(INPUT..., out)`, after `c_sines(prefix)`; out is no input; a base's rates may be NULL."""
+    """Return the C function of a line, `PREFIX_NAME(INPUT..., out)`, which needs `c_sines(prefix)` before it.
+
+    Args:
+        prefix: Beginning of all names.
+        name: Name of the function.
+        line: Straight-line program; `out` is none of its inputs. Rates of a base may be NULL in C: at rest.
+    """
     arrays = tuple(widths_of(line))
     arguments = ", ".join([*(f"const double *{array}" for array in arrays), "double *out"])
     text = [f"static inline void {prefix}_{name}({arguments}) {{"]

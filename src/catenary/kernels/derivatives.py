@@ -9,9 +9,14 @@ _Slopes = dict[tuple[str, int], Term]  # by input: the derivatives that are not 
 
 
 def derivative_line(line: Line, by: Sequence[str]) -> Line:
-    """Return the line, of the same inputs, of the derivatives of each result by the elements of the arrays `by`.
+    """Return the partial derivatives of a line's results by elements of its inputs, as a line of the same inputs.
 
-    Row by row: of m results by arrays of k elements in all, m k results.
+    Args:
+        line: Straight-line program of m results.
+        by: Names of input arrays, of k elements in all.
+
+    Returns:
+        A line of m k results, row by row.
     """
     trace, widths = Trace(), widths_of(line)
     arrays = {name: trace.inputs(name, width) for name, width in widths.items()}

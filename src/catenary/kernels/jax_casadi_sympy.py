@@ -21,7 +21,17 @@ _VECTOR_INPUTS = ("gravity", "omega", "alpha")  # whose parts are x, y, z
 
 
 def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) -> Any:
-    """Return a `casadi.Function` (SX) with the inputs of a line, and one output: its name, (m,) or (m, k)."""
+    """Return a line as a `casadi.Function` (SX).
+
+    Args:
+        name: Name of the function.
+        line: Straight-line program, whose inputs are the function's.
+        shape: Shape of the output, (m,) or (m, k).
+        result: Name of the output.
+
+    Raises:
+        MissingPackageError: CasADi is not installed.
+    """
     casadi = imported("casadi", "CasADi functions need casadi", "casadi")
     inputs = {array: casadi.SX.sym(array, width) for array, width in widths_of(line).items()}
     values = evaluate(
@@ -38,7 +48,16 @@ def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) 
 
 
 def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
-    """Return a jitted function of float64 arrays in the order of the line's inputs, which are its names too."""
+    """Return a line as a jitted JAX function of float64 arrays, named and ordered as the line's inputs.
+
+    Args:
+        line: Straight-line program.
+        shape: Shape of the result.
+
+    Raises:
+        MissingPackageError: JAX is not installed.
+        NotReadyError: JAX computes in float32.
+    """
     jax = imported("jax", "JAX functions need jax", "jax")
     jnp = jax.numpy
     if not jax.config.jax_enable_x64:
@@ -101,8 +120,15 @@ class SymbolicFunction(OnScreen):
 def sympy_function(line: Line, shape: tuple[int, ...]) -> SymbolicFunction:
     """Return a line's results as SymPy expressions.
 
-    Short lines (60 operations) are multiplied out, with sines and cosines of sums of angles; longer ones stay as nested
-    as they were computed, for `sympy.cse`, `sympy.lambdify` and derivatives.
+    Lines of up to 60 operations are multiplied out, with sines and cosines of sums of angles; longer ones stay nested,
+    for `sympy.cse`, `sympy.lambdify` and derivatives.
+
+    Args:
+        line: Straight-line program.
+        shape: Shape of the result.
+
+    Raises:
+        MissingPackageError: SymPy is not installed.
     """
     sympy = imported("sympy", "SymPy expressions need sympy", "symbolic")
     inputs = {

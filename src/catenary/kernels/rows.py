@@ -21,7 +21,14 @@ def take(X: Floats, columns: Integers, Y: Floats) -> None:
 
 @compiled
 def standardise(X: Floats, mean: Floats, scale: Floats, Z: Floats) -> None:
-    """Write Z = (X - mean) / scale."""
+    """Compute Z = (X - mean) / scale.
+
+    Args:
+        X: Features (N, F).
+        mean: Means (F,).
+        scale: Scales (F,).
+        Z: (N, F), written.
+    """
     for row in range(len(X)):
         for k in range(len(mean)):
             Z[row, k] = (X[row, k] - mean[k]) / scale[k]
@@ -37,7 +44,14 @@ def rescale(Z: Floats, scale: Floats, mean: Floats, Y: Floats) -> None:
 
 @compiled
 def dense(X: Floats, weights: Floats, bias: Floats, Y: Floats) -> None:
-    """Write Y = X @ weights (F, m) + bias, summed in the order of inputs; eight rows share what they read."""
+    """Compute Y = X @ weights + bias, summed in the order of inputs; eight rows share what they read.
+
+    Args:
+        X: Inputs (N, F).
+        weights: (F, m).
+        bias: (m,).
+        Y: (N, m), written.
+    """
     fours = len(weights) - len(weights) % 4
     for first in range(0, len(X), 8):
         last = min(first + 8, len(X))
@@ -75,7 +89,12 @@ def exp_minus_1(v: float) -> float:
 
 @inlined
 def within(v: float, limit: float) -> float:
-    """Return a number held between -limit and limit."""
+    """Return a number clamped to [-limit, limit].
+
+    Args:
+        v: Number.
+        limit: Bound, zero or more.
+    """
     return -limit if v < -limit else (limit if v > limit else v)
 
 
@@ -99,7 +118,12 @@ def logistic(Z: Floats) -> None:
 
 @compiled
 def repeat(value: Floats, Y: Floats) -> None:
-    """Write the same numbers (m,) into every row of Y (N, m)."""
+    """Write the same numbers into every row.
+
+    Args:
+        value: Numbers (m,).
+        Y: (N, m), written.
+    """
     for row in range(len(Y)):
         for k in range(len(value)):
             Y[row, k] = value[k]
@@ -124,7 +148,14 @@ def finite(X: Floats, inside: Flags) -> None:
 
 @compiled
 def between(X: Floats, lower: Floats, upper: Floats, inside: Flags) -> None:
-    """Clear the flag of each row of X (N, F) that is not between the limits (F,); NaN is not."""
+    """Clear the flags of rows that leave their limits or hold NaN.
+
+    Args:
+        X: Rows (N, F).
+        lower: Lower limits (F,).
+        upper: Upper limits (F,).
+        inside: Flags (N,), cleared in place.
+    """
     for row in range(len(X)):
         for k in range(len(lower)):
             inside[row] &= (X[row, k] >= lower[k]) & (X[row, k] <= upper[k])

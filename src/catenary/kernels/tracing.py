@@ -251,7 +251,18 @@ def evaluate(
     functions: Mapping[str, Callable[[Any], Any]] = FUNCTIONS,
     **arrays: Sequence[Any],
 ) -> list[Any]:
-    """Run a line on floats, or on another's symbols, by their sine, cosine and functions; inputs by name."""
+    """Evaluate a line on floats, or on symbols of another library.
+
+    Args:
+        line: Straight-line program.
+        sine: Sine of the library.
+        cosine: Cosine of the library.
+        functions: Its other functions, by the names of `FUNCTIONS`.
+        **arrays: Inputs by name.
+
+    Returns:
+        The results, in the line's order.
+    """
     values: list[Any] = []
     for kind, a, b in line.steps:
         if kind == "in":

@@ -216,7 +216,12 @@ class ActuationTerm(NamedTuple):
 
 
 def actuation_terms(actuation: Actuation, *, static: bool = False) -> tuple[ActuationTerm, ...]:
-    """Return the parameters in the order of their columns; at rest only constants and springs are left."""
+    """Return the terms of a robot's actuation, in the order of the regressor's columns.
+
+    Args:
+        actuation: Friction, motors' inertia and springs.
+        static: Whether only terms that act at rest are wanted.
+    """
     terms = [
         ActuationTerm(kind, friction.name, friction.combination, None, scale, friction.recording)
         for friction in actuation.friction
@@ -275,9 +280,17 @@ def stated_actuation(joint_names: Sequence[str], drives: Sequence[StatedDrive]) 
 
 
 def joint_drives(actuation: Actuation, n: int) -> JointDrives | None:
-    """Return Coulomb and viscous friction and rotors of the joints; None where no numbers are known.
+    """Return Coulomb friction, viscous friction and rotor inertia of the joints.
 
-    Presliding friction counts as in steady sliding. What is no joint's own, or no friction of these kinds, is left out.
+    Presliding friction counts as in steady sliding. Terms of several joints, and friction of other kinds, are left out
+    and listed.
+
+    Args:
+        actuation: What loads the robot's joints.
+        n: Number of joints.
+
+    Returns:
+        The drives, (n,) each; None where no values are known.
     """
     if actuation.values is None:
         return None

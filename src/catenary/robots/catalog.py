@@ -85,7 +85,15 @@ def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
 
 
 def load_open(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot as `load_file` does, whose loops are still open where it has some."""
+    """Load a robot as `load_file` does, its kinematic loops still open.
+
+    Args:
+        path: Description file or table.
+        massless: Links that may have no mass.
+
+    Raises:
+        InputError: As of `load_file`.
+    """
     kind = path.suffix.lower()
     if kind == ".toml":
         from catenary.robots.described import as_described, described_table, description_of

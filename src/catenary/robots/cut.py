@@ -20,11 +20,15 @@ _ROOT = ""  # no link's name
 
 
 def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
-    """Return the robot with some coordinates held at values [rad or m]; links that no longer move are folded in.
+    """Return the robot with some coordinates held at values; links that no longer move are merged with their parents.
 
     Its other coordinates, frames, masses and what loads its joints stay: torques are those of the whole robot at these
     values and rates of zero. Effects on locked coordinates alone are left out, friction and rotors on others too lose
     their locked part.
+
+    Args:
+        model: The robot.
+        locked: Value of each coordinate that is held [rad or m].
 
     Raises:
         InputError: An unknown coordinate, all of them, a value outside the limits or not finite, or as
@@ -212,9 +216,18 @@ def _folded(model: RobotModel, moving: list[int], offset: Floats) -> Folded:
 
 
 def driven_actuation(where: str, actuation: Actuation, driven: Floats, held: Floats) -> Actuation:
-    """Return what loads a robot's joints along other coordinates, of which its own are driven (n, m) @ q + held (n,).
+    """Return a robot's actuation along other coordinates, which drive its own.
 
-    Lever springs and known torques go on from where what is held stands; linear springs refuse to.
+    Lever springs and known torques continue from the held position; linear springs refuse to.
+
+    Args:
+        where: The robot, which opens every message.
+        actuation: Actuation along the robot's own coordinates.
+        driven: Own coordinates per new one (n, m).
+        held: Own coordinates where the new ones are zero (n,) [rad or m].
+
+    Raises:
+        InputError: A linear spring on a coordinate that is held or shared.
     """
     kept: dict[str, tuple[Effect, ...]] = {}
     for kind in ("friction", "motor_inertia", "springs", "known_torques"):

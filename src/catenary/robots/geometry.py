@@ -105,7 +105,15 @@ def shape_on(where: str, model: RobotModel, frame: str, name: str, pose: Pose, f
 
 
 def check_form(what: str, form: Form) -> None:
-    """Refuse sizes that are not positive, or beyond what any robot has (a kilometre)."""
+    """Refuse a shape whose sizes are not positive, or beyond any robot's (a kilometre).
+
+    Args:
+        what: The shape, which opens every message.
+        form: Its form and sizes [m].
+
+    Raises:
+        InputError: A size out of range, a mesh without triangles, or a vertex that is not finite.
+    """
     if isinstance(form, TriangleMesh):
         if len(form.vertices) < 3 or len(form.triangles) < 1:
             raise InputError(f"{what}: a mesh without triangles")
@@ -142,7 +150,13 @@ def links_without_shape(model: RobotModel, shapes: Iterable[Shape]) -> tuple[str
 
 
 def distance_to_segment(point: Floats, start: Floats, end: Floats) -> float:
-    """Return how far a point lies from the segment between two others, all (3,) [m]."""
+    """Return the distance of a point from a segment [m].
+
+    Args:
+        point: (3,) [m].
+        start: One end of the segment (3,) [m].
+        end: The other end (3,) [m].
+    """
     along = end - start
     square = float(along @ along)
     share = 0.0 if square == 0.0 else float(np.clip((point - start) @ along / square, 0.0, 1.0))

@@ -52,7 +52,16 @@ NO_INERTIA = LinkInertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 def check_inertia(what: str, body: LinkInertia) -> None:
-    """Refuse numbers that are none of a body's: not finite, negative or huge mass, an inertia that is not symmetric."""
+    """Refuse inertial parameters that no body has.
+
+    Args:
+        what: The body, which opens every message.
+        body: Mass, centre of mass and inertia.
+
+    Raises:
+        InputError: A mass that is negative, huge or not finite, a centre of mass too far away, or an inertia that is
+            not symmetric.
+    """
     if not np.isfinite(body.mass) or body.mass < 0.0:
         raise InputError(f"{what}: mass {body.mass} kg, expected a finite number, zero or more")
     check_within(f"{what}: mass", body.mass, MAX_MASS_KG, "kg")

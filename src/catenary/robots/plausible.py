@@ -23,7 +23,15 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
 
 def check_names(what: str, names: Iterable[str]) -> None:
-    """Refuse names of something, such as `robot "a": link`, that are empty, too long, or hold control characters."""
+    """Refuse names that are empty, too long, or hold control characters.
+
+    Args:
+        what: What is named, such as `robot "a": link`, which opens every message.
+        names: The names.
+
+    Raises:
+        InputError: One of them is refused.
+    """
     for name in names:
         if not 0 < len(name) <= _MAX_NAME_LENGTH or _CONTROL.search(name):
             raise InputError(
@@ -33,13 +41,31 @@ def check_names(what: str, names: Iterable[str]) -> None:
 
 
 def check_different(what: str, names: Sequence[str]) -> None:
-    """Refuse a name that is there twice."""
+    """Refuse duplicate names.
+
+    Args:
+        what: What is named, which opens every message.
+        names: The names.
+
+    Raises:
+        InputError: A name occurs twice.
+    """
     if len(set(names)) != len(names):
         raise InputError(f"{what} names must differ, got {cut(', '.join(names))}")
 
 
 def check_within(what: str, values: ArrayLike, most: float, unit: str) -> None:
-    """Refuse numbers that are beyond a bound, or NaN."""
+    """Refuse numbers whose magnitude exceeds a bound, and NaN.
+
+    Args:
+        what: The quantity, which opens every message.
+        values: Numbers of any shape.
+        most: Bound, in `unit`.
+        unit: Unit, for the message.
+
+    Raises:
+        InputError: A number is beyond the bound.
+    """
     found = np.abs(np.asarray(values, dtype=np.float64))
     if not (found <= most).all():
         raise InputError(f"{what}: {found.max():g} {unit}, expected at most {most:g} {unit}")
@@ -51,7 +77,12 @@ def check_length(what: str, vector: ArrayLike) -> None:
 
 
 def gravity_doubts(gravity: ArrayLike, *, hanging: bool = False) -> list[str]:
-    """Return in words why a vector, (3,) [m/s2] in base axes, may not be the gravity that was meant: length, sign."""
+    """Return the reasons to doubt a gravity vector: its magnitude and its direction, as sentences.
+
+    Args:
+        gravity: Free-fall acceleration in base axes (3,) [m/s2].
+        hanging: Whether the arm hangs upside down, so that gravity points along +z.
+    """
     vector = as_array("gravity", gravity, (3,))
     length, shown = float(np.linalg.norm(vector)), ", ".join(f"{v:.4g}" for v in vector)
     doubts = []

@@ -58,7 +58,11 @@ def described_geometry(
 ) -> geometry.Geometry | None:
     """Return the shapes that a robot's description states; None where it states none.
 
-    Arguments as for `load_geometry`; `kind` says which of a URDF's shapes, the others where there are none.
+    Args:
+        source: As of `load_geometry`: name in the catalogue, file, or URDF text.
+        model: The robot.
+        packages: Folders of ROS packages in which meshes are looked up.
+        kind: Which of a URDF's shapes: "collision" or "visual"; the others where there are none.
     """
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return urdf_shapes(source, "robot description", model, None, packages, kind)

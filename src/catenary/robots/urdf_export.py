@@ -19,7 +19,15 @@ _UNLIMITED = 1e3  # URDF's <limit> has no infinity [m, rad/s, m/s, Nm, N]
 
 
 def write_urdf(model: RobotModel, path: Path) -> None:
-    """Write a robot as URDF, see `urdf_text`."""
+    """Write a robot as a URDF file; see `urdf_text`.
+
+    Args:
+        model: The robot.
+        path: The file.
+
+    Raises:
+        OSError: The folder is not writable, or the disk is full.
+    """
     write_atomically(path, urdf_text(model).encode())
 
 

@@ -48,7 +48,13 @@ def torque_findings(model: RobotModel, samples: Samples, settled: Collection[str
 def explained_torques(
     model: RobotModel, samples: Samples, settled: Collection[str] = ()
 ) -> tuple[list[Finding], Evidence, Supposed]:
-    """Return the findings of `torque_findings`, and the evidence and the supposition that they come from."""
+    """Return the findings of `torque_findings` with the evidence and hypotheses that they come from.
+
+    Args:
+        model: The robot.
+        samples: Filtered rows of one recording.
+        settled: Names of hypotheses that are excluded.
+    """
     evidence = Evidence(model, samples)
     explanation = explain(evidence, settled)
     unseen = unseen_joints(evidence, explanation.supposed)
@@ -62,7 +68,12 @@ def _unseen(name: str) -> Finding:
 
 
 def findings_against(result: Identification, samples: Samples) -> list[Finding]:
-    """Explain a recording by an arm that was identified: a test, or one with a load."""
+    """Return the findings about a recording given an identified arm: a test, or a recording with a load.
+
+    Args:
+        result: Identification of the arm.
+        samples: Filtered rows of the recording.
+    """
     evidence = Evidence(result.model, samples, belief_of(result))
     return _told(evidence, explain(evidence))
 
@@ -133,7 +144,18 @@ def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
 
 
 def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | None = None) -> list[tuple[str, Finding]]:
-    """Explain each of several recordings by an arm as the others, and a belief, show it: one half by the other."""
+    """Return the findings about each of several recordings, judged by the arm that the others show.
+
+    Each half of the recordings is judged by the other half.
+
+    Args:
+        model: The robot.
+        days: Filtered rows of each recording.
+        belief: Prior of the arm's parameters; the file's when None.
+
+    Returns:
+        Pairs of a recording's name and a finding.
+    """
     if len(days) < 2:
         evidences = [(day.name, Evidence(model, day, belief)) for day in days if belief is not None]
         return [(name, finding) for name, own in evidences for finding in _told(own, explain(own))]
