@@ -11,7 +11,15 @@ from typing import Any
 
 
 class CatenaryError(Exception):
-    """Root of all errors that a user can act on."""
+    """Root of all errors that a user can act on.
+
+    Example:
+        >>> try:
+        ...     catenary.load_robot("raven3")
+        ... except catenary.CatenaryError as error:
+        ...     print(type(error).__name__)
+        FileFormatError
+    """
 
 
 class InputError(CatenaryError, ValueError):
@@ -23,6 +31,14 @@ class DataError(InputError):
 
     Attributes:
         names: Of the findings that refuse it, as `accept` takes them.
+
+    Example:
+        >>> q = np.random.default_rng(0).uniform(-1.0, 1.0, (500, 1)).cumsum(axis=0) / 10.0
+        >>> try:
+        ...     catenary.fit(q, np.rad2deg(q), units=["rad"])
+        ... except catenary.DataError as error:
+        ...     print(error.names)
+        ('copied', 'units')
     """
 
     def __init__(self, message: str, names: Sequence[str]) -> None:

@@ -56,7 +56,14 @@ class OperatingState(NamedTuple):
 
 
 class JointState(NamedTuple):
-    """What a robot reports at one instant; arrays are the receiver's own."""
+    """What a robot reports at one instant; arrays are the receiver's own.
+
+    Example:
+        >>> plant = catenary.MujocoPlant(catenary.load_robot("two_link"), start=[0.3, 0.5])
+        >>> state = plant.measured_js()
+        >>> state.q, state.gravity
+        (array([0.3, 0.5]), array([ 0.  ,  0.  , -9.81]))
+    """
 
     time: float  # [s]
     q: Floats  # (n,) [rad|m] q_nominal as measured, q_calibrated after a corrector
@@ -259,6 +266,11 @@ class MotionLog(OnScreen):
 
     Joint arrays are (N, n) in the joints' units. `q_nominal` is what the robot reports or was commanded,
     through rigid cables; `q_encoder` is where the joints really were, true only on rows where `ok` is set.
+
+    Example:
+        >>> log = catenary.MotionLog("run", ("J1",), ("rad",), q_nominal=np.zeros((3, 1)), ok=np.ones(3, bool))
+        >>> len(log)
+        3
     """
 
     name: str

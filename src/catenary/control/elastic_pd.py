@@ -42,6 +42,10 @@ class ElasticPD(GravityPD):
       smoothly and with smaller gains than "constant".
 
     The proofs need springs and gains that are stiffer than gravity's own: see `stiffness_margin`, which is asked here.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> controller = catenary.ElasticPD(arm, [200.0, 200.0], [20.0, 20.0], stiffness=[2000.0, 1000.0])
     """
 
     def __init__(

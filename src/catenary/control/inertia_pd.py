@@ -25,6 +25,10 @@ class InertiaPD:
 
     `feedback` is M(q) (kp e + kv ed), `feedforward` the rest. On a base that turns (`state.base_rates`) g(q) is the
     whole term of a moving base.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> controller = catenary.InertiaPD(arm, kp=400.0, kv=40.0)
     """
 
     def __init__(

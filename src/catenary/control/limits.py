@@ -21,6 +21,9 @@ class TorqueLimits:
        a NaN or a limit demands a leap; between two saturated torques it stays saturated.
 
     `limited` and `not_finite` count ticks since `reset`.
+
+    Example:
+        >>> limits = catenary.TorqueLimits(torque=[10.0, 5.0], slew=[100.0, 50.0])
     """
 
     def __init__(

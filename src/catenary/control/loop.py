@@ -103,6 +103,16 @@ def run_loop(
         NotFiniteError: Torques or measured positions were not finite in too many ticks.
         SensorError: The source of gravity asks for a stop.
         UnsupportedSystemError: The robot is real, and this is not Linux.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> plant = catenary.MujocoPlant(arm, start=[0.3, 0.5])
+        >>> plant.home()
+        >>> path = catenary.go_to([0.3, 0.5], [0.6, 0.2], max_velocity=[1.0, 1.0], max_acceleration=[2.0, 2.0])
+        >>> controller = catenary.GravityPD(arm, kp=[2000.0, 500.0], kd=[120.0, 13.0])
+        >>> report = catenary.run_loop(plant, controller, path)
+        >>> report.finished, bool(np.abs(plant.measured_js().q - [0.6, 0.2]).max() < 0.01)
+        (True, True)
     """
     if not plant.simulated:
         require_linux("a robot's control loop")

@@ -42,6 +42,9 @@ class Servo:
         step: One count of the servo's register [A, rad, of full duty]; negative where it turns against the joint.
         limit: Largest size of the command [A, of full duty], or of the offset [rad].
         free_speed: w of PWM [rad/s].
+
+    Example:
+        >>> servo = catenary.Servo("current", gain=1.8, error=0.05, step=2.69e-3, limit=4.0)
     """
 
     kind: str
@@ -82,6 +85,14 @@ def servo_command(
         q: (n,) measured [rad], or where a position servo shall hold against the torque.
         qd: (n,) measured [rad/s].
         deviation: Standard deviation of the torque itself [Nm], one number or (n,).
+
+    Example:
+        >>> servos = [catenary.Servo("current", gain=1.8, error=0.05, step=2.69e-3, limit=4.0)] * 2
+        >>> command = catenary.servo_command(servos, torque=[1.2, 0.4], q=[0.3, 0.5], qd=[0.0, 0.0])
+        >>> command.counts
+        array([248,  83])
+        >>> command.half_width.round(3)
+        array([0.118, 0.039])
     """
     n = len(servos)
     tau, at, rate = (as_array(name, x, (n,)) for name, x in (("torque", torque), ("q", q), ("qd", qd)))

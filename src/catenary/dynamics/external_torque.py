@@ -59,6 +59,13 @@ def external_torque(
         deviation: Standard deviation of torques from the model where nothing touches the arm, one number or (n,): the
             RMS of an identification on recordings that it did not see, not the noise of a sensor alone.
         loads: Friction, rotors, springs and known torques, as `known_loads(model)`; nothing when None.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> q, still, level = [0.3, 0.5], [0.0, 0.0], [0.0, 0.0, -9.81]
+        >>> measured = catenary.gravity_torque(arm, q, level) - [0.0, 1.5]
+        >>> catenary.external_torque(arm, q, still, still, measured, level, deviation=0.2).torque.round(3)
+        array([0. , 1.5])
     """
     (rows, rates, accelerations, measured), single = motion_rows(model, q, qd=qd, qdd=qdd, tau=tau)
     spread = as_not_negative("deviation", one_for_all(deviation, model.n), (model.n,))
@@ -82,6 +89,15 @@ def external_wrench(
 
     Raises:
         InputError: Another shape, or a half-width of zero.
+
+    Example:
+        >>> arm = catenary.load_robot("puma560")
+        >>> q, level = np.array([0.1, -0.8, 0.3, 0.4, 0.5, 0.6]), [0.0, 0.0, -9.81]
+        >>> push = catenary.jacobian(arm, q).T @ [10.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        >>> measured = catenary.gravity_torque(arm, q, level) - push
+        >>> torque = catenary.external_torque(arm, q, 0 * q, 0 * q, measured, level, deviation=0.2)
+        >>> catenary.external_wrench(arm, q, torque).wrench[:3].round(3)
+        array([10.,  0.,  0.])
     """
     torque = as_array("external torque", external.torque, (model.n,))
     spread = as_positive("half-width of the external torque", external.half_width, (model.n,))
@@ -103,6 +119,16 @@ class MomentumObserver:
 
     What r has beyond the level of dry friction of joints that turn back, by the same filter, is noise of a standard
     deviation, or a collision: where its sum of squares over all joints is beyond chance.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> observer = catenary.MomentumObserver(arm)
+        >>> q, level = np.array([0.3, 0.5]), [0.0, 0.0, -9.81]
+        >>> measured = catenary.gravity_torque(arm, q, level) - [0.0, 1.5]
+        >>> for _ in range(500):
+        ...     external = observer.update(q, 0 * q, measured, level, dt=0.001)
+        >>> external.round(3)
+        array([0. , 1.5])
     """
 
     def __init__(

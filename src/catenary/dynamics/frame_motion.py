@@ -31,12 +31,24 @@ def frame_motion(
     *,
     base: BaseMotion | None = None,
 ) -> FrameMotion:
-    """Return velocities and accelerations of a frame, the tip when None, on a base that may itself move.
+    """Return velocities and accelerations of a frame, on a base that may itself move.
 
-    velocity = J qd, acceleration = J qdd + dJ/dt qd, and what the base adds. A frame of Pinocchio has this classical
-    acceleration in axes LOCAL_WORLD_ALIGNED. Needs no inertia.
+    velocity = J qd, acceleration = J qdd + dJ/dt qd, and what the base adds. Pinocchio has this classical acceleration
+    in axes LOCAL_WORLD_ALIGNED.
 
-    For q, qd and qdd, each (n,) or (N, n) [rad or m, and per s, s2]; qdd is zero and the base at rest when None.
+    Args:
+        model: The robot; needs no inertia.
+        q: Positions (n,) or (N, n) [rad or m].
+        qd: Velocities, as `q`.
+        qdd: Accelerations, as `q`; zero when None.
+        frame: Name of the frame; the tip when None.
+        base: Motion of the base; at rest when None.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> motion = catenary.frame_motion(arm, [0.3, 0.5], [1.0, -1.0])
+        >>> motion.velocity.round(3)
+        array([-0.296,  0.   ,  0.955])
     """
     motion, single = motion_rows(model, q, qd=qd, qdd=qdd)
     count, (link, own) = len(motion[0]), model.frame(frame)

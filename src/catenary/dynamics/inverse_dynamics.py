@@ -36,6 +36,13 @@ class BaseMotion(NamedTuple):
     `linear_acceleration` is that of the frame's origin as a point, without gravity: an accelerometer there reads
     linear_acceleration - gravity. The linear velocity matters to `frame_motion` alone. Each is one vector, or one for
     every configuration.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> braking = catenary.BaseMotion(linear_acceleration=[-3.0, 0.0, 0.0])
+        >>> q, still = [0.3, 0.5], [0.0, 0.0]
+        >>> catenary.inverse_dynamics(arm, q, still, still, [0.0, 0.0, -9.81], braking).round(3)
+        array([17.634,  2.247])
     """
 
     angular_velocity: ArrayLike = _ZERO  # (3,) or (N, 3) [rad/s]
@@ -75,6 +82,12 @@ def inverse_dynamics(
     Raises:
         InputError: Another shape, or not finite.
         MissingInertiaError: A link without inertia.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> q, qd, qdd = [0.3, 0.5], [1.0, -1.0], [2.0, 0.0]
+        >>> catenary.inverse_dynamics(arm, q, qd, qdd, [0.0, 0.0, -9.81]).round(3)
+        array([19.597,  2.434])
     """
     if base is None and loads is None:
         quick = _INVERSE_DYNAMICS.of_one(model, (q, qd, qdd, gravity, _AT_REST, _AT_REST))
@@ -96,8 +109,18 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
     bilinear form that belongs to it: column j is C(q, qd) e_j = (h(qd + s e_j) - h(qd - s e_j)) / (4 s), exactly and
     for any s; s = max |qd| loses no digits.
 
-    For q and qd (n,) or (N, n) [rad or m, and per s]: (n, n) or (N, n, n); C qd are the torques of the velocities.
-    Needs inertia.
+    Args:
+        model: The robot; needs inertia.
+        q: Positions (n,) or (N, n) [rad or m].
+        qd: Velocities, as `q`.
+
+    Returns:
+        (n, n) or (N, n, n); C qd are the torques of the velocities.
+
+    Example:
+        >>> catenary.coriolis_matrix(catenary.load_robot("two_link"), [0.3, 0.5], [1.0, -1.0]).round(4)
+        array([[0.1199, 0.    ],
+               [0.1199, 0.    ]])
     """
     model.require_inertia()
     (rows, velocities), single = motion_rows(model, q, qd=qd)
@@ -132,6 +155,11 @@ def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
     Raises:
         InputError: Another shape, or not finite.
         MissingInertiaError: A link without inertia.
+
+    Example:
+        >>> catenary.mass_matrix(catenary.load_robot("two_link"), [0.3, 0.5]).round(4)
+        array([[1.8555, 0.3027],
+               [0.3027, 0.0833]])
     """
     quick = _MASS_MATRIX.of_one(model, (q,))
     if quick is not None:
@@ -277,19 +305,34 @@ def forward_dynamics(
     *,
     loads: ActuationLoads | None = None,
 ) -> Floats:
-    """Return the accelerations that torques give a robot at q, qd.
+    """Return the accelerations by torques: M(q) qdd = tau - C(q, qd) qd - g(q).
 
-    M(q) qdd = tau - C(q, qd) qd - g(q). With `loads`, such as `known_loads(model)`, friction, rotors, springs and known
-    torques take part as in `inverse_dynamics`: friction as in sliding, and none at rest where it has the sign of the
-    speed, so that no joint sticks. Friction that grows with the load depends on the accelerations, and is found by
-    iteration.
+    With `loads`, friction, rotors, springs and known torques take part as in `inverse_dynamics`: friction as in
+    sliding, and none at rest where it has the sign of the speed, so that no joint sticks. Friction that grows with the
+    load depends on the accelerations, and is found by iteration.
 
-    For q, qd and tau (n,) or (N, n) [rad or m, and per s; Nm or N], gravity and base as of `inverse_dynamics`: (n,) or
-    (N, n) [rad/s2 or m/s2].
+    Args:
+        model: The robot; needs inertia.
+        q: Positions (n,) or (N, n) [rad or m].
+        qd: Velocities, as `q`.
+        tau: Torques, as `q` [Nm or N].
+        gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
+        base: Motion of the base; at rest when None.
+        loads: Friction, rotors, springs and known torques: `known_loads(model)`; none when None.
+
+    Returns:
+        (n,) or (N, n) [rad/s2 or m/s2].
 
     Raises:
         MissingInertiaError: Links without inertia.
         InputError: A motion that moves no mass; friction that takes more than the load that it grows with.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> q, qd, level = [0.3, 0.5], [1.0, -1.0], [0.0, 0.0, -9.81]
+        >>> tau = catenary.inverse_dynamics(arm, q, qd, [2.0, 0.0], level)
+        >>> catenary.forward_dynamics(arm, q, qd, tau, level).round(6)
+        array([2., 0.])
     """
     (rows, rates, torques), single = motion_rows(model, q, qd=qd, tau=tau)
     still = np.zeros_like(rows)

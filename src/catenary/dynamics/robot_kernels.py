@@ -23,12 +23,22 @@ Trace = Callable[[RobotModel], Line]
 
 
 def gravity_kernel(model: RobotModel) -> Kernel:
-    """Return `kernel(q, gravity)`, the torques (n,) [Nm|N] that hold the arm still; see `gravity_torque`.
+    """Return the compiled gravity torques of a robot; see `gravity_torque`.
 
-    Inputs are q (n,) [rad|m] and gravity (3,), the free-fall acceleration in base axes [m/s2].
+    Args:
+        model: The robot; needs inertia.
+
+    Returns:
+        `kernel(q, gravity)`, of q (n,) [rad|m] and the free-fall acceleration in base axes (3,) [m/s2]: the torques
+        (n,) [Nm|N] that hold the arm still.
 
     Raises:
         MissingInertiaError: Links without inertia.
+
+    Example:
+        >>> hold = catenary.gravity_kernel(catenary.load_robot("raven2"))
+        >>> hold(np.array([0.5, 1.6, 0.4]), np.array([0.0, 0.0, -9.81])).round(3)
+        array([-0.068, -0.456,  2.133])
     """
     return known_kernel(model, "gravity", lines.gravity_line, (model.n,)).ready()
 

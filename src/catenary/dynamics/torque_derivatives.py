@@ -29,8 +29,18 @@ def torque_derivatives(
     The robot's line of operations is differentiated as it stands, so they are exact to rounding. For MPC and
     linearisation: A = [[0, 1], [-M^-1 by_q, -M^-1 by_qd]]. The first call for a robot compiles, for seconds.
 
-    For q, qd and qdd, each (n,) or (N, n) [rad or m, and per s, s2], and gravity (3,) or (N, 3) in base axes [m/s2].
-    Needs inertia.
+    Args:
+        model: The robot; needs inertia.
+        q: Positions (n,) or (N, n) [rad or m].
+        qd: Velocities, as `q`.
+        qdd: Accelerations, as `q`.
+        gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> slopes = catenary.torque_derivatives(arm, [0.3, 0.5], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0, -9.81])
+        >>> np.allclose(slopes.by_qdd, catenary.mass_matrix(arm, [0.3, 0.5]))
+        True
     """
     model.require_inertia()
     n, (motion, single) = model.n, motion_rows(model, q, qd=qd, qdd=qdd)

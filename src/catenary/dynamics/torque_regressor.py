@@ -50,6 +50,11 @@ def torque_regressor(
     Returns:
         (n, 10 n_tree) or (N, n, 10 n_tree): columns by link in the order of `model.link_names`, within a link in that
         of `PARAMETER_NAMES`.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> catenary.torque_regressor(arm, [0.3, 0.5], [1.0, 0.0], [0.0, 2.0], [0.0, 0.0, -9.81]).shape
+        (2, 20)
     """
     (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
     felt = felt_rows(gravity, base, len(rows))

@@ -18,7 +18,9 @@ from catenary.robots.model import Massless, RobotModel
 def load_closed_robot(source: str | Path, *, massless: Massless = ()) -> "ClosedRobot":
     """Load a robot with closed loops: MJCF with `connect` equalities, or a table with `[[loop]]`.
 
-    `source` is the file's path, `massless` as of `load_robot`.
+    Args:
+        source: Path of the file.
+        massless: Links that may have no mass, as of `load_robot`.
 
     Raises:
         InputError: The robot has no loop; `load_robot` loads it.

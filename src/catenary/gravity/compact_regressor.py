@@ -325,7 +325,14 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     apart, and a centre of mass that happens to be zero stays. Beyond the paper, parameters that load no joint under
     any gravity (a first moment along the first joint's axis) are deleted as well.
 
-    The robot needs no inertia; turns that are quarter turns to within 1e-6 rad are taken for such.
+    Args:
+        model: The robot; needs no inertia. Turns within 1e-6 rad of quarter turns are taken as such.
+
+    Example:
+        >>> regressor = catenary.compact_regressor(catenary.load_robot("two_link"))
+        >>> Z, s = regressor.Z([0.3, 0.5], [0.0, 0.0, -9.81]), regressor.parameters()
+        >>> (Z @ s).round(3)
+        array([15.766,  1.709])
     """
     model = with_quarter_turns(model)
     tree = model.tree

@@ -62,6 +62,12 @@ def export_function(
         MissingInertiaError: Links without inertia, for torques and masses.
         MissingPackageError: The target's package is not installed.
         NotReadyError: JAX computes in float32.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> header = catenary.export_function(arm, "gravity", "c99")
+        >>> "two_link_gravity(const double *q, const double *gravity, double *out)" in header
+        True
     """
     if quantity not in get_args(ExportedQuantity):
         raise InputError(f'quantity "{quantity}": expected one of {", ".join(get_args(ExportedQuantity))}')

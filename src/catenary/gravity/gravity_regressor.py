@@ -44,8 +44,18 @@ def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Fl
     whose joints are stacked in the tree's order (body, arm 1, arm 2, as the paper does); coordinates that move
     several joints, by coupling^T; prismatic joints, each with one more column, for the mass it carries.
 
-    For q (n,) or (N, n) [rad or m] and gravity (3,) or (N, 3), free-fall acceleration in base axes [m/s2]: (n, p) or
-    (N, n, p), p = 3 n_tree (n_tree + 1) + number of prismatic joints. The robot needs no inertia.
+    Args:
+        model: The robot; needs no inertia.
+        q: Positions (n,) or (N, n) [rad or m].
+        gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
+
+    Returns:
+        (n, p) or (N, n, p), p = 3 n_tree (n_tree + 1) + number of prismatic joints.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> catenary.gravity_regressor(arm, [0.3, 0.5], [0.0, 0.0, -9.81]).shape
+        (2, 18)
     """
     rows, single = as_batch("q", q, model.n)
     out = _full(model, rows, gravity_rows(gravity, len(rows)))

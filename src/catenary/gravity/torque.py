@@ -38,6 +38,11 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
     Raises:
         InputError: Another shape, or not finite.
         MissingInertiaError: A link without inertia.
+
+    Example:
+        >>> arm = catenary.load_robot("raven2")
+        >>> catenary.gravity_torque(arm, [0.5, 1.6, 0.4], [0.0, 0.0, -9.81]).round(3)
+        array([-0.068, -0.456,  2.133])
     """
     quick = _GRAVITY.of_one(model, (q, gravity))
     if quick is not None:
@@ -70,10 +75,23 @@ def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
 
 
 def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
-    """Return the potential energy of the links, zero with all mass in the base's origin: U = -sum_k m_k gravity . r_k.
+    """Return the potential energy of the links, U = -sum_k m_k gravity . r_k: zero with all mass in the base's origin.
 
-    For q (n,) or (N, n) [rad or m] and gravity (3,) or (N, 3), free-fall acceleration in base axes [m/s2]: () or (N,)
-    [J]. Needs inertia.
+    Args:
+        model: The robot; needs inertia.
+        q: Positions (n,) or (N, n) [rad or m].
+        gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
+
+    Returns:
+        () or (N,) [J].
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> level = [0.0, 0.0, -9.81]
+        >>> q, step = np.array([0.3, 0.5]), 1e-6 * np.eye(2)
+        >>> slope = [np.subtract(*catenary.potential_energy(arm, [q + h, q - h], level)) / 2e-6 for h in step]
+        >>> np.allclose(slope, catenary.gravity_torque(arm, q, level))
+        True
     """
     model.require_masses()
     rows, single = as_batch("q", q, model.n)
@@ -84,8 +102,19 @@ def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Flo
 def center_of_mass(model: RobotModel, q: ArrayLike) -> Floats:
     """Return the centre of mass of all moving links, p_com = sum m_i p_i / M.
 
-    [gravity-regressor paper, section II] Links fixed to the base do not count. For q (n,) or (N, n) [rad or m]: (3,) or
-    (N, 3) in the base frame [m].
+    [gravity-regressor paper, section II] Links fixed to the base do not count.
+
+    Args:
+        model: The robot; needs masses.
+        q: Positions (n,) or (N, n) [rad or m].
+
+    Returns:
+        (3,) or (N, 3) in the base frame [m].
+
+    Example:
+        >>> arm = catenary.load_robot("panda")
+        >>> catenary.center_of_mass(arm, np.zeros(arm.n)).round(3)
+        array([0.023, 0.007, 0.614])
     """
     mass = _total_mass(model)
     rows, single = as_batch("q", q, model.n)
@@ -97,8 +126,21 @@ def center_of_mass_jacobian(model: RobotModel, q: ArrayLike) -> Floats:
     """Return the Jacobian of the centre of mass, J_com qd = its velocity in base axes.
 
     Gravity acts on a robot as on one mass at its centre of mass, g(q) = -M J_com^T gravity [gravity-regressor paper,
-    section II]: row r of J_com is what a unit of gravity along axis r asks of the joints, over -M. For q (n,) or (N, n)
-    [rad or m]: (3, n) or (N, 3, n) [m/rad or 1].
+    section II]: row r of J_com is what a unit of gravity along axis r asks of the joints, over -M.
+
+    Args:
+        model: The robot; needs masses.
+        q: Positions (n,) or (N, n) [rad or m].
+
+    Returns:
+        (3, n) or (N, 3, n) [m/rad or 1].
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> q, level = [0.3, 0.5], np.array([0.0, 0.0, -9.81])
+        >>> torque = -arm.tree.mass.sum() * level @ catenary.center_of_mass_jacobian(arm, q)
+        >>> np.allclose(torque, catenary.gravity_torque(arm, q, level))
+        True
     """
     mass = _total_mass(model)
     rows, single = as_batch("q", q, model.n)

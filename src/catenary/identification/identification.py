@@ -273,6 +273,16 @@ def identify(
     Raises:
         InputError: A recording is not of this robot, in other units, or too short.
         ExcitationError: The recordings do not show all base parameters; nothing is fitted.
+
+    Example:
+        >>> arm, w, t = catenary.load_robot("two_link"), np.array([1.0, 1.7]), np.linspace(0.0, 20.0, 4000)[:, None]
+        >>> q, qd, qdd = np.sin(w * t), w * np.cos(w * t), -w * w * np.sin(w * t)
+        >>> tau = catenary.inverse_dynamics(arm, q, qd, qdd, [0.0, 0.0, -9.81])
+        >>> ok = np.ones(len(q), bool)
+        >>> log = catenary.MotionLog("run", arm.joint_names, arm.joint_units, q, ok, time=t[:, 0], qd=qd, tau=tau)
+        >>> result = catenary.identify([log], arm)
+        >>> bool(result.training[0].relative_rms.max() < 0.01)
+        True
     """
     options = IdentifyOptions() if options is None else options
     if not logs:

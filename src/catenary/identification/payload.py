@@ -61,6 +61,23 @@ def estimate_payload(result: Identification, loaded: Sequence[Samples], **how: A
         result: Identification of the arm without a load.
         loaded: Filtered rows of recordings with the load.
         **how: Further arguments of `payload_candidates`.
+
+    Example:
+        >>> from catenary.identification.identify_options import IdentifyOptions
+        >>> from catenary.identification.samples import prepare
+        >>> arm, w, t = catenary.load_robot("two_link"), np.array([1.0, 1.7]), np.linspace(0.0, 20.0, 4000)[:, None]
+        >>> q, qd, qdd = np.sin(w * t), w * np.cos(w * t), -w * w * np.sin(w * t)
+        >>> logs = [
+        ...     catenary.MotionLog(
+        ...         name, arm.joint_names, arm.joint_units, q, np.ones(len(q), bool), time=t[:, 0], qd=qd,
+        ...         tau=catenary.inverse_dynamics(robot, q, qd, qdd, [0.0, 0.0, -9.81]),
+        ...     )
+        ...     for name, robot in (("alone", arm), ("loaded", arm.with_payload(arm.tip, 0.5, [0.0, 0.0, 0.0])))
+        ... ]
+        >>> result = catenary.identify(logs[:1], arm)
+        >>> loaded = prepare(logs[1], arm, IdentifyOptions())
+        >>> round(catenary.estimate_payload(result, [loaded], at=(arm.tip, [0.0, 0.0, 0.0])).mass, 2)
+        0.5
     """
     return payload_candidates(result, loaded, **how)[0]
 
@@ -139,6 +156,15 @@ def locate_load(
         noise: Standard deviation of torques, one for all or (n,) [Nm|N].
         frames: That may carry it; every moving link that is not massless when none are named.
         masses: Relative error of the arm's masses.
+
+    Example:
+        >>> arm = catenary.load_robot("puma560")
+        >>> q = np.random.default_rng(0).uniform(-1.0, 1.0, (10, 6))
+        >>> loaded = arm.with_payload(arm.tip, 2.0, [0.05, 0.0, 0.05])
+        >>> tau = catenary.gravity_torque(loaded, q, [0.0, 0.0, -9.81])
+        >>> beliefs = catenary.locate_load(arm, q, tau, [0.0, 0.0, -9.81], noise=0.05)
+        >>> print(beliefs)
+        on joint6
     """
     rows, _ = as_batch("q", q, model.n)
     torques, _ = as_batch("tau", tau, model.n)

@@ -72,6 +72,15 @@ def read_log(
     Raises:
         FileFormatError: No such file, unknown kind, damaged, or something is missing.
         InputError: The numbers are not a log (shape, NaN, unit, empty), or names or units contradict the file's.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import mkdtemp
+        >>> log = catenary.MotionLog("run", ("J1",), ("rad",), q_nominal=np.zeros((3, 1)), ok=np.ones(3, bool))
+        >>> path = Path(mkdtemp()) / "run.parquet"
+        >>> catenary.write_parquet(log, path)
+        >>> catenary.read_log(path).joint_names
+        ('J1',)
     """
     path = Path(path)
     if not path.is_file():
@@ -157,7 +166,14 @@ def _by_mapping(path: Path, mapping: "RecordingMapping", model: RobotModel | Non
 
 
 def write_parquet(log: MotionLog, path: str | Path) -> None:
-    """Write a log as Parquet: a column per number (q_nominal:<joint>, ..., signals), its unit in the metadata."""
+    """Write a log as Parquet: a column per number (q_nominal:<joint>, ..., signals), its unit in the metadata.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import mkdtemp
+        >>> log = catenary.MotionLog("run", ("J1",), ("rad",), q_nominal=np.zeros((3, 1)), ok=np.ones(3, bool))
+        >>> catenary.write_parquet(log, Path(mkdtemp()) / "run.parquet")
+    """
     write_pieces([log], path)
 
 

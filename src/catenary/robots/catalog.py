@@ -49,6 +49,11 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
         InputError: `massless` names a link that does not exist or has a mass; strict, and the model has doubts.
         UnsupportedModelError: The file holds what a tree of one-coordinate joints cannot represent, such as a loop
             whose joints do not follow its motors linearly (`load_closed_robot`).
+
+    Example:
+        >>> arm = catenary.load_robot("dvrk_psm")
+        >>> arm.joint_names
+        ('outer_yaw', 'outer_pitch', 'outer_insertion', 'outer_roll', 'outer_wrist_pitch', 'outer_wrist_yaw')
     """
     name = str(source)
     if isinstance(source, str) and source.lstrip().startswith("<"):

@@ -33,6 +33,11 @@ def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
     Raises:
         InputError: An unknown coordinate, all of them, a value outside the limits or not finite, or as
             `driven_actuation`.
+
+    Example:
+        >>> arm = catenary.lock_joints(catenary.load_robot("puma560"), {"joint5": 0.0, "joint6": 0.0})
+        >>> arm.joint_names
+        ('joint1', 'joint2', 'joint3', 'joint4')
     """
     where = f'robot "{model.name}": lock'
     for name, value in locked.items():
@@ -161,12 +166,24 @@ def _within_joints(c: Coordinate, model: RobotModel, moves: Floats, driven: Floa
 def cut_arm(model: RobotModel, base: str, tip: str, *, locked: Mapping[str, float] | None = None) -> RobotModel:
     """Return the arm between two frames of a larger robot, on its own base: the first frame, at rest.
 
-    Coordinates that move nothing between the two are locked: at the values given, or at zero, or the limit that is
-    nearest to it. What hangs on the arm stays as a load, what else the robot has is gone. Gravity is then given in the
-    axes of `base`.
+    What hangs on the arm stays as a load, the rest of the robot is removed. Gravity is then given in the axes of
+    `base`.
+
+    Args:
+        model: The larger robot.
+        base: Frame that becomes the arm's base.
+        tip: Frame that becomes its tip.
+        locked: Values of coordinates that move nothing between the two [rad or m]; the others at zero, or at the limit
+            nearest to it.
 
     Raises:
         InputError: An unknown frame, a tip that the base does not carry, or as `lock_joints`.
+
+    Example:
+        >>> robot = catenary.load_robot("dual_arm_19")
+        >>> arm = catenary.cut_arm(robot, robot.base, robot.tip)
+        >>> robot.n, arm.n
+        (19, 11)
     """
     start, end = model.frame(base), model.frame(tip)
     path, link = list[int](), end.link

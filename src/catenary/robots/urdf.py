@@ -65,7 +65,11 @@ def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
 def load_xacro(path: str | Path, *, massless: Massless = ()) -> RobotModel:
     """Load a robot from a xacro file that you trust: xacro runs the Python in it, with its default arguments.
 
-    No other reader of this package expands xacro. `massless` as of `load_robot`.
+    No other reader of this package expands xacro.
+
+    Args:
+        path: The xacro file.
+        massless: Links that may have no mass, as of `load_robot`.
 
     Raises:
         MissingPackageError: xacro is not installed.

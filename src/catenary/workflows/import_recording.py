@@ -144,9 +144,16 @@ def propose_mapping(
     robot: str | None = None,
     answers: Mapping[str, str] | None = None,
 ) -> Proposal:
-    """Propose what of a recording is which quantity, by type, name, rate and range; `toml` is its text to edit.
+    """Propose which column of a recording is which quantity, by type, name, rate and range.
 
-    Arguments are those of `import_recording`; answers that are not asked are refused.
+    Args:
+        sources: A file, or the files of one recording, as of `import_recording`.
+        units: Units of the joints, such as "deg,deg,mm".
+        robot: Catalogue name or file: names, units and limits of the joints.
+        answers: Answers to open questions of the proposal; those that are not asked are refused.
+
+    Returns:
+        The proposal; `toml` is its text, to edit and to import with.
     """
     return propose(Sources(_paths(sources)), robot=robot, units=units, answers=answers)
 
