@@ -49,7 +49,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def content_in_words(names: Collection[str]) -> str:
-    """Return what an archive is that was taken for something else: its kind, or its first arrays."""
+    """Return a description of an archive that was mistaken for something else: its kind, or its first arrays."""
     if {"structure", "combination"} <= set(names):
         return "it holds an arm's parameters, written by catenary identify"
     if {"structure", "card"} <= set(names):

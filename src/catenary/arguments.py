@@ -94,13 +94,13 @@ def _name(hint: Any) -> str:
 
 
 def _members_of_union(parts: tuple[Any, ...]) -> tuple[bool, list[Any]]:
-    """Return whether a union takes arrays, whose own parts say little (text and bytes are among them), and the rest."""
+    """Split a union's members into those that take arrays (text and bytes among them), and the rest."""
     has_array = _OF_ARRAYS <= set(parts)
     return has_array, [part for part in parts if not (has_array and part in _OF_ARRAYS)]
 
 
 def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], named: Mapping[str, Any]) -> str | None:
-    """Say which argument is not what its annotation says; None where none is, or some are missing."""
+    """Return the message about the first argument that contradicts its annotation; None without one."""
     signature, hints = inspect.signature(function), _hints(function)
     try:
         given = signature.bind(*args, **named).arguments
@@ -135,7 +135,7 @@ def _hints(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def fits(value: Any, hint: Any) -> bool:
-    """Return whether a value is what an annotation says, as far as that can be told without using it."""
+    """Return True if a value agrees with an annotation, as far as that shows without using it."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return fits(value, parts[0])

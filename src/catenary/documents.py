@@ -38,7 +38,7 @@ _CHUNK_BYTES = 65_536  # bytes of XML, after each of which a refusal ends the re
 
 
 def no_file(path: Path) -> str:
-    """Return what is said of a path that is no file."""
+    """Return the message about a path that is no file."""
     return f"{path}: is a folder, expected a file" if path.is_dir() else f"{path}: no such file"
 
 
@@ -282,6 +282,6 @@ def _real(digits: str, text: str, where: str) -> float:
 
 
 def _place(text: str, literal: str) -> str:
-    """Return where a number stands first, for a message."""
+    """Return the line and column of a number's first occurrence, for a message."""
     at = text.find(literal)
     return f"line {text.count(chr(10), 0, at) + 1}: " if at >= 0 else ""

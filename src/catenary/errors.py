@@ -89,7 +89,7 @@ class ImplausibleWarning(UserWarning):
 
 
 def to_import(path: object) -> str:
-    """Return what is said of a recording that is of no layout that is known."""
+    """Return the message about a recording of unknown layout."""
     return f"`{shlex.join(['catenary', 'import', str(path)])}` proposes how to read others"
 
 

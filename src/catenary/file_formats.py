@@ -41,7 +41,7 @@ class FileFormat:
         return self.endings[0] if self.endings else ""
 
     def reads(self, path: Path, reader: str = "") -> Callable[..., Any]:
-        """Return what reads a file of it, imported only now."""
+        """Return the reader of this format, imported at its first use."""
         if self.package:
             imported(self.package, f"{path}: is {self.name}, which needs {self.package} (or {self.advice})", self.extra)
         module, _, name = (reader or self.reader).partition(":")
@@ -132,7 +132,7 @@ def endings(holds: str) -> tuple[str, ...]:
 
 
 def copied_as_text(path: Path | str) -> str:
-    """Return what is to be said of a binary file that cannot be read if its line ends were changed; else nothing."""
+    """Return a hint that a text-mode transfer changed a binary file's line ends; empty if it did not."""
     begin = _begin(path, 2**20) if isinstance(path, Path) else b""
     for mark in (mark for form in FORMATS if not form.is_text for _, mark in form.marks):
         head = re.split(rb"[\r\n]", mark, maxsplit=1)[0]  # a transfer as text changes what follows

@@ -111,7 +111,7 @@ def _is_stream(path: Path) -> bool:
 
 
 def card_path(path: Path) -> Path:
-    """Return where the readable copy of the card of a model or of parameters is: beside it, and of it alone."""
+    """Return the path of the readable copy of a model's or parameters' card, beside the file."""
     return path.parent / f"{path.name.removesuffix('.npz')}.card.json"
 
 

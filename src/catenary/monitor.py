@@ -81,7 +81,7 @@ class Snapshot(NamedTuple):
         return None if self.error is None else self.q[: len(self.error)] - self.error
 
     def warnings(self) -> list[str]:
-        """Return what deserves a warning, the worst first."""
+        """Return the warnings, most severe first."""
         found: list[str] = []
         if self.silent is not None:
             found.append(f"stale: {self.silent}")
@@ -236,7 +236,7 @@ def _cell(shot: Snapshot, head: str, j: int) -> str:
 
 
 def _is_known(values: Floats | None, head: str) -> bool:
-    """Return whether a column is shown: intervals only of a model that has some."""
+    """Return True if a column is shown: intervals only of a model that has some."""
     return values is not None and (head != "+/-" or not np.isnan(values).all())
 
 

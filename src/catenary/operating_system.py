@@ -183,10 +183,10 @@ def single_keys(descriptor: int) -> Callable[[], None]:
 
 
 def takes_more(connection: "Connection") -> bool:
-    """Return whether a connection takes a message at once; on Windows, where none tells, a message may wait."""
+    """Return True if a connection takes a message at once; Windows does not report it, and a message may wait."""
     return _IS_WINDOWS or bool(select([], [connection], [], 0.0)[1])
 
 
 def has_windows() -> bool:
-    """Return whether programs can show windows; macOS and Windows are taken to be used at their screen."""
+    """Return True if programs can show windows; macOS and Windows are assumed to be used at their screen."""
     return _SYSTEM != "linux" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))

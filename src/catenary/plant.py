@@ -381,7 +381,7 @@ class MotionLog(OnScreen):
         return replace(self, **chosen, signals=signals)
 
     def in_order_of(self, wanted: Jointed, *, of: str) -> "MotionLog":
-        """Return it with its joints in the order of others, the same ones by `places_of`; a note says what changed.
+        """Return the log with its joints in another order, by `places_of`; a note states the change.
 
         Joints without names (J1, J2, ...) are taken in order.
         """
@@ -405,7 +405,7 @@ class MotionLog(OnScreen):
         )
 
     def of_robot(self, model: Jointed, name: str) -> "MotionLog":
-        """Return it with its joints in a robot's order; the refusal of one of fewer joints says how they are named."""
+        """Return the log with its joints in a robot's order; an error about missing joints lists the expected names."""
         some = [joint for joint in self.joint_names if joint in model.joint_names]
         of = f'robot "{name}" has'
         if len(self.joint_names) < len(model.joint_names):
@@ -457,7 +457,7 @@ class MotionLog(OnScreen):
         return {"sha256": self.sha256, "marks": self.marks, "poses": self.poses}
 
     def was_there(self, when_and_where: ArrayLike) -> bool:
-        """Return whether the arm was at `poses` of a recording when they say: minutes of it, read at whatever rate."""
+        """Return True if the log holds `poses` at their times: minutes of the same recording, at any rate."""
         poses = np.asarray(when_and_where, dtype=float)
         moved = np.ptp(self.q_nominal, axis=0) > 0.0
         if self.time is None or poses.ndim != 2 or poses.shape[1] != 1 + len(moved) or not moved.any():
@@ -474,7 +474,7 @@ class MotionLog(OnScreen):
         return bool(np.median(away.max(axis=1)) < SAME_POSE)
 
     def is_among(self, sources: Iterable[Mapping[str, Any]]) -> bool:
-        """Return whether it, or minutes of it, are among the recordings that a card lists under `data`."""
+        """Return True if the log, or minutes of it, is among the recordings listed in a card under `data`."""
         sources = list(sources)
         if self.sha256 is not None and self.sha256 in {one["sha256"] for one in sources}:
             return True

@@ -38,7 +38,7 @@ class ControllerKind:
         return f"{self.name}: {self.words}"
 
     def fits(self, arm: "DrivenJoints") -> bool:
-        """Return whether the arm has what it needs."""
+        """Return True if the arm has what the controller needs."""
         return arm.stiffness is not None or not self.springs
 
     def make(self, arm: "DrivenJoints", *, damping: "Damping" = "relative") -> "SplitController":

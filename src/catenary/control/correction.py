@@ -25,7 +25,7 @@ class Fade:
         self._left = self._step = np.zeros(len(correction))
 
     def left_out(self, correction: Floats, leaps: ArrayLike) -> Floats:
-        """Return what is left out of a tick's correction (n,) [rad|m], which `leaps` from the last one where told."""
+        """Return the part of a correction that is not applied yet (n,) [rad|m]; `leaps` marks a change of source."""
         leap = np.where(leaps, np.nan_to_num(correction - self._last), 0.0)
         self._last = correction
         if leap.any():

@@ -117,7 +117,7 @@ class HandGuiding(GravityHold):
         self._since = self._still = self._falling = 0.0  # [s]
 
     def _mass_of_load(self, J: Floats, R: Floats) -> Floats:
-        """Return what the load adds to the mass matrix (n, n): else its inertia would count as a load too."""
+        """Return the load's mass matrix (n, n); without it the load's inertia would count as further load."""
         place = R @ self.load[1:] / max(self.mass, _LIGHT_KG)
         of_center = J[:3] - np.cross(place, J[3:], axisb=0, axisc=0)
         return max(self.mass, 0.0) * of_center.T @ of_center

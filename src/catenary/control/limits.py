@@ -78,7 +78,7 @@ class TorqueLimits:
         self._counts[:] = 0
 
     def apply(self, tau: Floats, q: Floats, dt: float) -> Floats:
-        """Return what may be sent of tau (n,) [Nm|N], at positions q (n,) [rad|m], dt [s] after the last.
+        """Return the limited torques (n,) [Nm|N] of tau, at positions q (n,) [rad|m], dt [s] after the last call.
 
         Raises:
             InputError: Torques or positions are no n numbers; NaN and infinity are.

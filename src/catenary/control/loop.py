@@ -248,7 +248,7 @@ class _Run:
             self.plant.state_command("pause")
 
     def report(self, *, finished: bool) -> LoopReport:
-        """Return what the ticks so far came to."""
+        """Return the report of the ticks so far."""
         tally, clock, corrected = self.tally, self.clock, self.correction is not None
         return LoopReport(
             joint_names=self.plant.joint_names,

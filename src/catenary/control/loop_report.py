@@ -126,7 +126,7 @@ class GravityTally:
             self._largest_age = reading.age
 
     def report(self) -> GravityReport:
-        """Return what was counted."""
+        """Return the report of what was counted."""
         ticks, faults = Counter[str](), Counter[Fault]()
         for (status, shown), count in self._counts.items():
             ticks[status.value] += count

@@ -99,7 +99,7 @@ def expression_text(expression: Expression, *, latex: bool = False) -> str:
 
 
 def symbols_of(model: RobotModel, expressions: Sequence[Expression]) -> dict[str, NamedSymbol]:
-    """Return what the symbols in expressions stand for, in the order of links: masses, lengths, centres of mass."""
+    """Return the meaning of each symbol in expressions, in the order of links: masses, lengths, centres of mass."""
     used = {name for expression in expressions for name, _ in expression}
     massive = sorted({link for expression in expressions for _, masses in expression for link in masses})
     known = not model.missing_inertia
@@ -128,7 +128,7 @@ def carried_masses(model: RobotModel, joint: int) -> tuple[int, ...]:
 
 
 def _has_mass(model: RobotModel, link: int) -> bool:
-    """Return whether a link may have mass: only one that is declared massless has none."""
+    """Return True if a link may have mass: all but those declared massless."""
     return model.link_names[link] not in model.massless
 
 
@@ -303,7 +303,7 @@ class CompactRegressor(OnScreen):
         return "\n".join(lines)
 
     def _of(self, column: int) -> list[int]:
-        """Return which columns are merged in one."""
+        """Return the columns that are merged into one."""
         return [k for k, target in enumerate(self.targets) if target == column]
 
     def _terms(self, gravity: Floats) -> list[list[Written]]:
@@ -415,7 +415,7 @@ def _compact_line(model: RobotModel, columns: Sequence[RegressorColumn], targets
 
 
 def _effects(model: RobotModel, wanted: Sequence[RegressorColumn]) -> list[bool]:
-    """Return which columns are not zero everywhere: at random configurations and gravities none is by accident."""
+    """Return the columns that are not zero everywhere, at random configurations and gravities."""
     rng = np.random.default_rng(0)
     Z = regressor_columns(model, wanted, rng.normal(size=(4, model.n)), rng.normal(size=(4, 3)))
     largest = np.abs(Z).max(axis=(0, 1), initial=0.0)  # a robot may have no coordinates

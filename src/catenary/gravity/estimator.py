@@ -166,7 +166,7 @@ class GravityEstimator(EstimatedGravity):
         return step if 0.0 < step <= _MAX_STEP_S else 0.0  # zero, too, the first time
 
     def _at_rest(self, Z: Floats, qd: Floats, dt: float) -> bool:
-        """Return whether the law holds: time passes, no joint is fast, and no number is missing."""
+        """Return True if the law applies: time passes, no joint is fast, and no number is missing."""
         return dt > 0.0 and bool((np.abs(qd) <= self.max_speed).all() and np.isfinite(Z).all())
 
     def _learn(self, Z: Floats, effort: Floats, dt: float) -> None:

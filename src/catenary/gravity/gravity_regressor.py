@@ -166,7 +166,7 @@ def carried_links(tree: Tree, joint: int) -> set[int]:
 
 
 def carries(tree: Tree) -> NDArray[np.bool_]:
-    """Return which joints carry which links, (n, n)."""
+    """Return the links that each joint carries, as flags (n, n)."""
     found = np.eye(len(tree.parent), dtype=bool)
     for i in np.flatnonzero(tree.parent >= 0):
         found[:, i] |= found[:, tree.parent[i]]

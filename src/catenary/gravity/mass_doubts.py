@@ -69,7 +69,7 @@ def _of_link(model: RobotModel, link: int) -> list[str]:
 
 
 def _beside(model: RobotModel, link: int, point: Floats) -> tuple[float, float]:
-    """Return how long a link is, between its joints and frames, and how far a point lies from the lines between [m]."""
+    """Return a link's extent between its joints and frames, and a point's distance from the lines between them [m]."""
     ends = [np.zeros(3), *model.tree.origin[model.tree.parent == link]]
     ends += [frame.pose.position for frame in model.frames.values() if frame.link == link]
     between = [(start, end) for k, start in enumerate(ends) for end in ends[: k + 1]]
@@ -78,7 +78,7 @@ def _beside(model: RobotModel, link: int, point: Floats) -> tuple[float, float]:
 
 
 def _of_efforts(model: RobotModel) -> list[str]:
-    """Return which joints gravity asks more of than their motors give; limits of zero are placeholders."""
+    """Return doubts about joints whose gravity torque exceeds their effort limit; limits of zero are placeholders."""
     turn = np.where(np.array(model.joint_units) == "rad", np.pi, 0.0)
     lower = np.where(np.isfinite(model.lower), model.lower, -turn)
     upper = np.maximum(np.where(np.isfinite(model.upper), model.upper, turn), lower)

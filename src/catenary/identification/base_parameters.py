@@ -237,7 +237,7 @@ def _outwards(parameters: Parameters) -> list[int]:
 
 
 def _identifiable(combination: Floats, parameter: int) -> Identifiability:
-    """Return whether a parameter alone is in the span of the combinations."""
+    """Return True if a parameter alone is in the span of the combinations."""
     if not combination[:, parameter].any():
         return "none"
     # a row that is this parameter and no other

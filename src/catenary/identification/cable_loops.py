@@ -61,7 +61,7 @@ class CableLoop(NamedTuple):
 
 
 def cable_loops(log: MotionLog) -> tuple[list[CableLoop], list[Finding]]:
-    """Return what a recording with torques shows of each joint's cable, and friction that drives, as findings."""
+    """Return the findings about each joint's cable, and about friction at the drive, from a recording with torques."""
     if log.tau is None or log.time is None:
         raise InputError(f'recording "{log.name}": friction needs torques (tau) and time stamps')
     motor = log.q_nominal if log.q_reported is None else log.q_reported
@@ -157,7 +157,7 @@ def _first_weight(X: Floats, y: Floats) -> float:
 
 
 def _windups(time: Floats, q: Floats, x: Floats, tau: Floats, turns: list[tuple[int, int]], fine: float) -> Floats:
-    """Return what each reversal of a motor (q) shows until its joint (x) has moved by `fine`, (R, 8).
+    """Return measures of each motor reversal (q) until its joint (x) has moved by `fine`, (R, 8).
 
     That is: when, the lost motion, by how much the torque swings once the motor's own friction has turned, as the first
     half's line tells it and as the row at a tenth does, the slopes of _WINDUP_PARTS, and the time that it takes.
@@ -200,7 +200,7 @@ def _of_blocks(values: Floats, block: Floats) -> Interval:
 
 
 def _of_windups(found: CableLoop, rows: Floats, block: Floats, fine: float) -> tuple[CableLoop, list[str]]:
-    """Return what wind-ups (R, 7) tell, and what they do not."""
+    """Return a joint's cable parameters from wind-ups (R, 7), and the reasons for those that are missing."""
     width, swing, early, whole, first, second, lasts = (_of_blocks(column, block) for column in rows.T)
     if not np.isfinite(width.value):
         return found, [f"stiffness, hysteresis: reversals in fewer than {_MIN_BLOCKS} of {_BLOCK_COUNT} blocks of time"]

@@ -149,7 +149,7 @@ _FELT_ROWS = 60
 
 
 def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
-    """Return what base parameters, and bodies' phi (k,) as fitted, leave open under gravity from elsewhere."""
+    """Return the parameter changes that the data leave open under another gravity, from beta and bodies' phi (k,)."""
     from scipy.linalg import qr
 
     parameters = base.parameters
@@ -190,7 +190,7 @@ def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
 
 
 def _farthest(base: BaseParameters, at: Floats, along: Floats) -> float:
-    """Return how far scaled parameters of bodies can go from a point along a row, torques staying as they are."""
+    """Return the range of scaled body parameters along a row from a point, at unchanged torques."""
     parameters, scale = base.parameters, parameter_scale(base)
     k = len(at)
     mass = np.zeros((1, k))

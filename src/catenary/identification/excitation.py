@@ -60,7 +60,7 @@ class FourierSeries:
         return np.linspace(0.0, self.period, _GRID_INSTANTS * len(self.a), endpoint=False)
 
     def extremes(self) -> tuple[Floats, Floats, Floats]:
-        """Return what positions and speeds do not exceed at any instant: lowest, highest, fastest, (n,) each.
+        """Return bounds of the whole motion: lowest and highest position, highest speed, (n,) each.
 
         Between instants h apart an extreme exceeds the nearer one by at most h^2 / 8 of the second derivative's bound.
         """
@@ -156,7 +156,7 @@ class MotionLimits:
         return inverse_dynamics(self.model, q, qd, qdd, self.gravity)
 
     def free_poses(self, q: Floats) -> Floats:
-        """Return which of configurations (N, n) may be rested in, (M, n)."""
+        """Return those of configurations (N, n) in which the arm may rest, (M, n)."""
         free: NDArray[np.bool_] = np.ones(len(q), dtype=bool)
         if self.has_torques:
             still = np.zeros_like(q)
@@ -167,7 +167,7 @@ class MotionLimits:
         return np.asarray(q[free])
 
     def seem_kept(self, series: FourierSeries) -> bool:
-        """Return whether a motion within the limits of position and velocity keeps the others at some of its rows."""
+        """Return True if a motion, within its limits of position and velocity, keeps the others at sampled rows."""
         if (series.acceleration_bound > self.room.acceleration).any():
             return False
         if not self.is_narrow:
@@ -178,7 +178,7 @@ class MotionLimits:
         return self.scene is None or self.scene.keeps_apart(rows[0], self.margin + _DISTANCE_DIP_M)
 
     def check(self, path: FourierSeries) -> "CheckedMotion":
-        """Return whether a motion keeps all limits: at every instant, torques at a thousand rows of it."""
+        """Check a motion against all limits: at every instant, torques at a thousand rows of it."""
         names, room = self.model.joint_names, self.room
         low, high, fastest = path.extremes()
         torque = None

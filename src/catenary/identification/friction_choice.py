@@ -80,7 +80,7 @@ def choose_friction(
 
 
 def _moves(candidates: Sequence[_Candidate]) -> list[dict[tuple[str, str], int]]:
-    """Return what is added at once: a part of one friction, or of all, as one alone may not show without the others."""
+    """Return the steps of the search: a part of one friction, or of all: one alone may not show without the others."""
     groups: dict[tuple[str, int], dict[bytes, int]] = {}
     for k, candidate in enumerate(candidates):
         along = np.ascontiguousarray(candidate.terms[0].combination)

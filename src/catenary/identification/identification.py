@@ -170,7 +170,7 @@ class Identification(OnScreen):
         return tau[0] if single else tau
 
     def with_gains(self, gains: Floats) -> Identification:
-        """Return it for a robot whose raw efforts times these gains (n,) are its torques."""
+        """Return the identification for a robot whose raw efforts times these gains (n,) are its torques."""
         base, model = self.base, self.model
         model = replace(model, actuation=replace(actuation_of(model), effort_scale=gains))
         return replace(self, base=replace(base, parameters=replace(base.parameters, model=model)))
@@ -326,7 +326,7 @@ def identify_logs(
 
 
 def _of_arm(found: Identification, model: RobotModel, samples: Sequence[Samples]) -> Identification:
-    """Return what was identified on base joints as the arm's own, whose parameters are some of these."""
+    """Convert an identification on base joints to the arm's own parameters, which are some of these."""
     full, first = found.base.parameters, len(BASE_JOINTS)
     own = np.eye(full.model.n)[:, first:]
     actuation = driven_actuation(model.name, actuation_of(full.model), own, np.zeros(full.model.n))

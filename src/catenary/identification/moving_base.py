@@ -48,7 +48,7 @@ def moving_base_notes(robot: RobotModel, phi: Floats, samples: Sequence[Samples]
 
 
 def _turned(robot: RobotModel, phi: Floats, part: Samples, rest: Floats, rows: int) -> tuple[float, float]:
-    """Return what turning gravity leaves, over what turning at other times does, and its size (RMS) [rad]."""
+    """Return the residual after turning gravity, relative to turning it at other times, and the turn [rad RMS]."""
     kept, still = slice(0, len(part) // rows * rows), np.zeros_like(part.q)
     down = part.gravity / np.linalg.norm(part.gravity)
     across = np.linalg.svd(down[None])[2][1:]  # two directions that a turn adds gravity along

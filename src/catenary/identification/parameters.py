@@ -80,7 +80,7 @@ class Parameters:
         return (*range(self._first), *(self._first + k for k in beside))
 
     def actuation_at(self, column: int) -> ActuationTerm:
-        """Return what a column behind the links' is of."""
+        """Return the actuation term of a column behind the links'."""
         return self.actuation[column - self._first]
 
     @property

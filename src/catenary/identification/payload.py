@@ -209,7 +209,7 @@ def place_of(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Fl
 
 
 def _estimate(model: RobotModel, of: Load, sure: float, anywhere: bool) -> PayloadEstimate:
-    """Return what is told of a load on a link."""
+    """Return the estimate of a load on a link."""
     mean, deviation = of.mean, np.sqrt(np.maximum(np.diag(of.covariance), 0.0))
     told = not anywhere or deviation[0] < _TOLD_DEVIATION * mean[0]
     moment, moment_std = mean[1:4], deviation[1:4]

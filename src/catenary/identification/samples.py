@@ -249,7 +249,7 @@ class Samples:
         return self.q[part], self.qd[part], self.qdd[part], down, base
 
     def link_columns(self, model: RobotModel, part: slice = _ALL_ROWS) -> Floats:
-        """Return what all links ask of the joints, (N, n, 10 L) per parameter; that of a short recording is kept."""
+        """Return the regressor of all links (N, n, 10 L); that of a short recording is cached."""
         bytes_needed = 8.0 * self.q.size * PER_LINK * len(model.link_names)
         if bytes_needed > _KEPT_COLUMNS_BYTES:
             return torque_regressor(model, *self.motion(part))
@@ -262,7 +262,7 @@ class Samples:
         return *model, self.q, self.qd, self.qdd, self.gravity, self.base
 
     def body_torques(self, model: RobotModel, link: int, part: slice = _ALL_ROWS) -> Floats:
-        """Return what a body on a link asks of the joints, (N, n, 10) per parameter of it."""
+        """Return the regressor of a body on a link (N, n, 10)."""
         whole = self.link_columns(model, part)
         return whole[:, :, PER_LINK * link : PER_LINK * (link + 1)]
 
@@ -423,7 +423,7 @@ def _filtered(sections: Floats, values: Floats, mirrored: int) -> Floats:
 
 
 def _cut_rows(settings: SignalFilter, step: float) -> int:
-    """Return how many rows a step [s] apart are left out at either end."""
+    """Return the number of rows, a step [s] apart, to cut at either end."""
     return int(np.ceil(settings.cut_s / step))
 
 
@@ -443,6 +443,6 @@ _FOLD_TURNS = 2  # blocks of each recording in every fold
 
 
 def fold_of_rows(samples: Samples) -> NDArray[np.int64]:
-    """Return which fold each row is in (N,): blocks of time, one fold after the other, and once more around."""
+    """Return the fold of each row (N,): blocks of time, one fold after the other, and once more around."""
     block = np.arange(len(samples)) * (FOLDS * _FOLD_TURNS) // max(len(samples), 1)
     return np.asarray(block % FOLDS, dtype=np.int64)

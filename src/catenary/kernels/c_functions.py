@@ -134,7 +134,7 @@ class _Function:
         return [f"for ({k} = 0; {k} < {place.sizes[0]}; ++{k}) {place.text}[{k}] = {value.text}[{k}];"]
 
     def _place(self, target: ast.expr, kind: str = "double") -> Value:
-        """Return what is written to: a variable, which is new at first, an element or a row."""
+        """Return the C target of an assignment: a variable, declared at its first use, an element or a row."""
         if isinstance(target, ast.Name):
             name = "turn" if target.id == "_" else target.id
             return self._scope.setdefault(target.id, Value(name, kind))

@@ -100,7 +100,7 @@ def _is_closed(folder: Path) -> bool:
 
 
 def is_own(path: Path, is_kind: Callable[[int], bool]) -> bool:
-    """Return whether a path is itself, not a link to, a file or folder of the user's."""
+    """Return True if a path is itself, not a link to, a file or folder of the user's."""
     status = os.lstat(path)
     # under another name it could be elsewhere
     one_name = status.st_nlink == 1 or stat.S_ISDIR(status.st_mode)

@@ -238,7 +238,7 @@ def _operands(step: Operation) -> tuple[int, ...]:
 
 
 def _quarters(angle: float) -> int | None:
-    """Return how many quarter turns an angle is; None where it is no multiple of one."""
+    """Return an angle's number of quarter turns; None if it is no multiple of one."""
     quarters = round(angle / (0.5 * math.pi))
     return quarters if abs(angle - quarters * 0.5 * math.pi) < 1e-15 * max(1.0, abs(angle)) else None
 

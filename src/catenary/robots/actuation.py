@@ -87,7 +87,7 @@ class Friction(_FrictionParts):  # type: ignore[misc]  # its fields are those of
         return {kind: 0.0 if value is True else value for kind, value in given.items() if value}
 
     def only(self, kept: Callable[[FrictionTerm], bool], **changes: str) -> "Friction":
-        """Return it with no other terms than some of its own."""
+        """Return the actuation with some of its terms."""
         left_out = [FRICTION_TERMS[kind] for kind in self.parts if not kept(FRICTION_TERMS[kind])]
         without: dict[str, Any] = {term.kind: None if term.scale else False for term in left_out}
         return replace(self, **without, **changes)
@@ -181,7 +181,7 @@ class Actuation:
         return (*self.friction, *self.motor_inertia, *self.springs, *self.known_torques)
 
     def moves(self, coordinate: int) -> bool:
-        """Return whether any effect acts on a coordinate."""
+        """Return True if any effect acts on a coordinate."""
         return any(term.combination[coordinate] != 0.0 for term in self.terms)
 
 

@@ -188,7 +188,7 @@ def _frames(where: str, table: RobotTable, base: Pose) -> dict[str, tuple[str, P
 
 
 def _constant_parts(row: LinkTable, convention: str) -> tuple[Pose, Pose]:
-    """Return what comes before and after the joint; Rz(theta + q) Tz(d + q) commute, so both orders do."""
+    """Return the constant transforms before and after the joint; Rz(theta + q) and Tz(d + q) commute."""
     along_z = Pose(rotation_about_z(float(np.deg2rad(row.theta_deg))), np.array([0.0, 0.0, row.d_m]))
     along_x = Pose(rotation_about_x(float(np.deg2rad(row.alpha_deg))), np.array([row.a_m, 0.0, 0.0]))
     if convention == "modified":

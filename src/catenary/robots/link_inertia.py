@@ -86,10 +86,10 @@ def unphysical(mass: float, inertia: Floats) -> str | None:
 
 
 def is_negative(mass: float, inertia: Floats) -> bool:
-    """Return whether an inertia, (3, 3), has a principal moment below zero by more than rounding."""
+    """Return True if an inertia, (3, 3), has a principal moment below zero by more than rounding."""
     return bool(np.linalg.eigvalsh(inertia)[0] < -_rounding(mass, inertia))
 
 
 def _rounding(mass: float, inertia: Floats) -> float:
-    """Return what files may leave of a moment that is zero [kg m2]."""
+    """Return the largest moment of inertia that rounding in a file can make of zero [kg m2]."""
     return max(_ROUNDING_RATIO * float(np.abs(inertia).max()), mass * MIN_GYRATION_M**2)

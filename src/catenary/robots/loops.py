@@ -116,7 +116,7 @@ class LoopChain:
         self.start = start[0]
 
     def constraint(self, q: Floats) -> tuple[Floats, Floats]:
-        """Return how far apart the loops' points are at q (N, n), (N, 3 L) [m], and its derivative A (N, 3 L, n)."""
+        """Return the gaps of the loops' points at q (N, n), (N, 3 L) [m], and their derivative A (N, 3 L, n)."""
         model, gaps, rows = self.model, list[Floats](), list[Floats]()
         poses = _link_poses(model, q)
         for loop in self.loops.loops:
@@ -136,7 +136,7 @@ class LoopChain:
         return np.concatenate(gaps, axis=1), np.concatenate(rows, axis=1)
 
     def is_determined(self, A: Floats) -> Any:
-        """Return where (N,) the passive joints follow the motors: not at dead centres."""
+        """Return flags (N,) of configurations in which the passive joints follow the motors: no dead centres."""
         sizes = np.linalg.svd(A[:, :, self.passive], compute_uv=False)
         if sizes.shape[1] < len(self.passive):
             return np.zeros(len(A), dtype=bool)
@@ -169,7 +169,7 @@ class LoopChain:
         return q
 
     def jacobian(self, q: Floats) -> Floats:
-        """Return how all joints move with the motors, J (N, n, m) of qd = J qd_motors, at q (N, n)."""
+        """Return the Jacobian of all joints by the motors, J (N, n, m) of qd = J qd_motors, at q (N, n)."""
         _, A = self.constraint(q)
         J = np.zeros((len(q), self.model.n, len(self.motors)))
         J[:, self.motors] = np.eye(len(self.motors))

@@ -263,7 +263,7 @@ class RobotModel(OnScreen):
 
 
 def is_base(frame: Frame | None) -> bool:
-    """Return whether a frame is the one that everything hangs on."""
+    """Return True if a frame is the root that carries all others."""
     if frame is None or frame.link >= 0:
         return False
     return np.array_equal(frame.pose.rotation, np.eye(3)) and not frame.pose.position.any()

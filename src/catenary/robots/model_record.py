@@ -40,7 +40,7 @@ def robot_from_record(record: Any) -> RobotModel:
 
 
 def structure_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Return what the archive of an identification says of itself; refuse another version's."""
+    """Return the record in an identification's archive; refuse another version's."""
     found = json_table(str(arrays.get("structure")), "structure")
     if (version := found.get("format")) != FORMAT:
         raise FileFormatError(f"format {shortened(version)}, expected {FORMAT!r}: another version wrote it; {REMEDY}")

@@ -45,7 +45,7 @@ def quarter_turn_notes(names: tuple[str, ...], tree: Tree, offset: Floats) -> li
 
 
 def _turns_off(tree: Tree, offset: Floats) -> Floats:
-    """Return how far turns are from multiples of quarter turns [rad], (n_tree, 5): rotations, axes, constants."""
+    """Return the deviations from multiples of quarter turns [rad], (n_tree, 5): rotations, axes, constants."""
     constant = np.where(tree.prismatic, 0.0, np.abs(offset - _quarters(offset)))
     return np.column_stack([_off_axis(tree.rotation.swapaxes(1, 2)), _off_axis(tree.axis), constant])
 

@@ -117,7 +117,7 @@ def capsules_along_links(model: RobotModel, radius: float | None = None) -> geom
 
 
 def _segments(model: RobotModel, link: int) -> list[Segment]:
-    """Return what a link spans in its own frame: from its joint to each one it carries, or to its last frame."""
+    """Return a link's extent in its own frame: from its joint to each one it carries, or to its last frame."""
     ends = [model.tree.origin[c] for c in np.flatnonzero(model.tree.parent == link)]
     if not ends:
         ends = [frame.pose.position for frame in model.frames.values() if frame.link == link]

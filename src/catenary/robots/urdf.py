@@ -322,7 +322,7 @@ def _srdf_rotors(path: Path | None, robot: str) -> tuple[dict[str, float], list[
 def _stated_drives(
     where: str, robot: Element, leaders: Mapping[str, Mimic], beside: Mapping[str, float]
 ) -> tuple[Actuation | None, list[str]]:
-    """Return what a URDF states of its joints' drives, and notes on transmissions that it leaves out.
+    """Return the joint drives that a URDF states, and notes on transmissions that it leaves out.
 
     A rotor of inertia J that turns N times as fast as its joint has the reflected inertia N^2 J. It is known where a
     transmission of one joint states both (`mechanicalReduction` and `motorInertia`, or Drake's `gear_ratio` and

@@ -60,7 +60,7 @@ def urdf_text(model: RobotModel) -> str:
 
 
 def _drives(model: RobotModel) -> list[tuple[int, float, bool]]:
-    """Return which coordinate each tree joint follows, how fast, and whether it stands for that coordinate."""
+    """Return each tree joint's coordinate, its ratio to it, and whether it stands for that coordinate."""
     drives: list[tuple[int, float, bool]] = []
     led: set[int] = set()
     for i, row in enumerate(model.coupling):

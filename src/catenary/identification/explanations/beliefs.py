@@ -37,7 +37,7 @@ class Belief:
     bodies: tuple[tuple[int, Floats], ...] = ()  # that links carry, see `carrying`
 
     def carrying(self, link: int, load: Floats) -> "Belief":
-        """Return it of an arm with a body on a link: load (10, m) times m numbers of mean 0 and deviation 1."""
+        """Return the belief about an arm with a body on a link: load (10, m) times m standard normal numbers."""
         return replace(self, bodies=(*self.bodies, (link, load)))
 
     def covariance(self, which: int) -> Floats:
@@ -48,11 +48,11 @@ class Belief:
         return found
 
     def own(self, link: int) -> slice:
-        """Return where a link's parameters are."""
+        """Return the slice of a link's parameters."""
         return slice(PER_LINK * self.links.index(link), PER_LINK * (self.links.index(link) + 1))
 
     def after(self, mean: Floats, covariance: Floats) -> "Belief":
-        """Return what a recording made of it: links and the file's actuation."""
+        """Return the belief after a recording: links and the file's actuation."""
         mass = float(mean[: PER_LINK * len(self.links) : PER_LINK].sum())
         return Belief(mean, (covariance,), (0.0,), 0, True, self.links, mass, self.reaches)
 
@@ -68,7 +68,7 @@ class Belief:
 
 
 def belief_of_file(model: RobotModel) -> Belief:
-    """Return what a robot's file says of its masses."""
+    """Return the prior of a robot's masses by its file."""
     links = Parameters(model, "full").links
     phi = link_parameters(model.tree).reshape(-1, PER_LINK)[list(links)]
     knows = not model.missing_inertia and float(model.tree.mass.sum()) > 0.0
@@ -87,7 +87,7 @@ def belief_of_file(model: RobotModel) -> Belief:
 
 
 def belief_of_known(model: RobotModel, error: float) -> Belief:
-    """Return what is known of an arm whose masses are known up to a relative error."""
+    """Return the prior of an arm whose masses are known up to a relative error."""
     file = belief_of_file(model)
     phi = file.mean.reshape(-1, PER_LINK)
     covariance = mass_covariance(phi, error / MASS_SHARE, 0.0)
@@ -95,14 +95,14 @@ def belief_of_known(model: RobotModel, error: float) -> Belief:
 
 
 def _reach(model: RobotModel, link: int) -> float:
-    """Return how far a link goes from its joint [m]: to its frames, and the joints that it carries."""
+    """Return a link's reach from its joint [m]: to its frames, and the joints that it carries."""
     places = [*model.tree.origin[model.tree.parent == link]]
     places += [frame.pose.position for frame in model.frames.values() if frame.link == link]
     return max(_LOAD_REACH_M, *(float(np.linalg.norm(place)) for place in places))
 
 
 def belief_of(result: Identification) -> Belief:
-    """Return what an identification says of the arm's links, friction, rotors and springs."""
+    """Return the posterior of an identification: the arm's links, friction, rotors and springs."""
     file, parameters = belief_of_file(result.model), result.base.parameters
     per, count = parameters.per_link, len(parameters.links) * PER_LINK
     terms = len(parameters.actuation)

@@ -61,7 +61,7 @@ class Fit:
 
 
 def _key(supposed: Supposed) -> tuple[object, ...]:
-    """Return what decides on the columns."""
+    """Return the parts of a supposition that determine its columns."""
     return *supposed.motion, supposed.added, supposed.torque_order
 
 
@@ -214,7 +214,7 @@ class Evidence:
         return gain @ (fit.beta[:k] - mean), np.eye(W.shape[1]) - gain @ W + gain @ fit.covariance[:k, :k] @ gain.T
 
     def looked(self, supposed: Supposed, which: int) -> Callable[[Added], float]:
-        """Return what tells roughly, from one fit, how much evidence something added would gain [nats]."""
+        """Return a rough estimate of the evidence that an added cause would gain [nats], from one fit."""
         fit, X = self.fit(supposed, which), self.columns(supposed)[0]
         left = self.rows.torques(supposed) / supposed.gains - X @ fit.beta
         counted = len(self.rows) / self.correlated[list(supposed.torque_order)]

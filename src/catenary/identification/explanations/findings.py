@@ -102,7 +102,7 @@ def _finding(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
 
 
 def _rivals(cause: Cause) -> str:
-    """Return what else would explain it nearly as well."""
+    """Return the causes that explain the recording nearly as well."""
     told = [f"{candidate.says} (-{less:.1f})" for less, _, candidate in cause.rivals]
     return f"; nearly as likely: {'; '.join(told)}" if told else ""
 
@@ -171,7 +171,7 @@ def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | No
 
 
 def posterior(evidence: Evidence, fit: Fit, which: int = 0) -> Belief:
-    """Return what is believed of an arm after a recording, from its fit under one of the belief's spreads."""
+    """Return the belief about an arm after a recording, from its fit under one of the belief's spreads."""
     mean, P = evidence.belief.mean, evidence.belief.covariance(which)
     onto = evidence.onto
     gain = P @ onto @ evidence.precision(which)

@@ -109,7 +109,7 @@ def _either(first: _Density, second: _Density) -> _Density:
 
 
 def _integrated(log: _Density, grid: Floats, prior: _Density) -> tuple[float, float, float]:
-    """Return where log + prior is largest, the logarithm of its integral, and the standard deviation about it."""
+    """Return the argument of the maximum of log + prior, its log integral, and the standard deviation about it."""
 
     def f(x: float) -> float:
         return log(x) + prior(x)

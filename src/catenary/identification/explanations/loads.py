@@ -75,7 +75,7 @@ class Recording:
         return [_alone(torque, j, _FRICTION_STD) for j in range(torque.shape[1]) if torque[:, j].any()]
 
     def tilt(self, beta: Floats) -> list[Extra]:
-        """Return what turning the base changes, about two axes."""
+        """Return the change of torques by turning the base, about two axes."""
         return [Extra(dX @ beta[: self.evidence.shown], 0.0, _TILT_STD_RAD) for dX in self.turned]
 
 
@@ -194,7 +194,7 @@ def _weighed(
 
 
 def _point(load: Floats, u: Floats, covariance: Floats, reach: float) -> tuple[float, Floats, Floats]:
-    """Return what is to be added to the log evidence of a free body if it is a point mass, and its parameters then.
+    """Return the log evidence ratio of a point mass against a free body, and the point mass's parameters.
 
     u (10,) are the numbers of the free body, load (10, 10) diagonal times them its parameters. Beforehand the logarithm
     of the mass is uniform, the place normal with a deviation of the reach [m]; integrated by Laplace's method.

@@ -36,13 +36,13 @@ class Supposed:
         return self.signs, self.zeros, self.position_order, self.gravity, self.shared
 
     def with_one(self, field: str, joint: int, value: float) -> "Supposed":
-        """Return it with another number of one joint."""
+        """Return the supposition with another number for one joint."""
         values: list[float] = list(getattr(self, field))
         values[joint] = value
         return replace(self, **{field: tuple(values)})  # type: ignore[arg-type]  # a field by its name
 
     def with_swapped(self, fields: Sequence[str], i: int, j: int) -> "Supposed":
-        """Return it with two joints exchanged in some orders."""
+        """Return the supposition with two joints exchanged in some orders."""
         changed: dict[str, Any] = {}
         for field in fields:
             order = list(getattr(self, field))
