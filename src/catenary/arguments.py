@@ -184,7 +184,7 @@ def _fits_container(value: Any, origin: type, parts: tuple[Any, ...]) -> bool:
     if origin is tuple and Ellipsis not in parts:
         return len(value) == len(parts) and all(fits(each, part) for each, part in zip(value, parts, strict=True))  # type: ignore[arg-type, call-overload]
     if isinstance(value, Collection) and origin in (tuple, list, Sequence, Iterable):  # not what is read once
-        return all(fits(each, parts[0]) for each in value)
+        return all(fits(item, parts[0]) for item in value)
     return True
 
 

@@ -51,7 +51,7 @@ def stored(record: Any, arrays: dict[str, NDArray[Any]], name: str = "") -> Any:
         arrays[name] = record
         return name
     if is_dataclass(record):
-        record = {each.name: getattr(record, each.name) for each in fields(record)}
+        record = {field.name: getattr(record, field.name) for field in fields(record)}
     if isinstance(record, Mapping):
         return {key: stored(value, arrays, f"{name}.{key}".lstrip(".")) for key, value in record.items()}
     if isinstance(record, list | tuple):

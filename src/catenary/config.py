@@ -171,5 +171,5 @@ def _keys(schema: Any) -> dict[str, Any]:
 def _schema_inside(annotation: Any) -> Any:
     if isinstance(annotation, type) and (is_dataclass(annotation) or issubclass(annotation, BaseModel)):
         return annotation
-    inner = (_schema_inside(each) for each in getattr(annotation, "__args__", ()))
-    return next((each for each in inner if each is not None), None)
+    inner = (_schema_inside(part) for part in getattr(annotation, "__args__", ()))
+    return next((schema for schema in inner if schema is not None), None)

@@ -426,8 +426,8 @@ class MotionLog(OnScreen):
     @property
     def row_hashes(self) -> NDArray[np.uint64]:
         """A hash of each row (N,), of what was reported, measured and exerted, in single precision: 0 if unmeasured."""
-        arrays = [each for each in (self.q_nominal, self.q_encoder, self.tau) if each is not None]
-        columns = [column for each in arrays for column in each.T]
+        arrays = [array for array in (self.q_nominal, self.q_encoder, self.tau) if array is not None]
+        columns = [column for array in arrays for column in array.T]
         factors = np.cumprod(np.full(len(columns), _HASH_FACTOR, dtype=np.uint64))
         found = np.zeros(len(self), dtype=np.uint64)
         for column, factor in zip(columns, factors, strict=True):

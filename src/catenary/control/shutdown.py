@@ -151,7 +151,7 @@ class MotionGuard:
         stated = (own > 0.0) & np.isfinite(own)
         fastest = np.where(stated, _OVERSHOOT * own, [MAX_SPEED[unit] for unit in self._units])
         limits = f"{_OVERSHOOT:g} times the robot's own limit", "as of robots that state no limit"
-        self._why = [limits[0] if each else limits[1] for each in stated]
+        self._why = [limits[0] if is_stated else limits[1] for is_stated in stated]
         if max_speed is not None:
             fastest, self._why = as_array("max_speed", one_for_all(max_speed, n), (n,), finite=False), ["max_speed"] * n
             if not (fastest > 0.0).all():

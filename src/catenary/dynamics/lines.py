@@ -143,7 +143,7 @@ def carried_load_line(model: RobotModel, frame: Frame, body: LinkInertia) -> Lin
     p = placed(replace(model, tree=grown, coupling=coupling, offset=offset, axes_of_com=np.ones((0, 3), dtype=bool)))
     qd, qdd = p.trace.inputs("qd", model.n), p.trace.inputs("qdd", model.n)
     force, moment, _ = _newton_euler(p, qd, qdd, moving_base=False)
-    return p.trace.line([-each for part in (force, moment) for each in part[len(p.tree.parent) - 1]])
+    return p.trace.line([-component for part in (force, moment) for component in part[len(p.tree.parent) - 1]])
 
 
 def _newton_euler(p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, moving_base: bool) -> tuple[Terms, ...]:

@@ -201,9 +201,9 @@ def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
     if not model.unseen:
         return out
     Y = torque_regressor(model, rows, rest, rest, down)[0].reshape(model.n, len(model.link_names), -1)
-    for each in model.unseen:
-        felt = np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], each.change))
-        out[felt > _FELT] += felt[felt > _FELT] * max(-each.low, each.high)  # which is infinite where none is known
+    for unseen in model.unseen:
+        felt = np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], unseen.change))
+        out[felt > _FELT] += felt[felt > _FELT] * max(-unseen.low, unseen.high)  # which is infinite where none is known
     return out
 
 

@@ -215,7 +215,7 @@ def _of_windups(found: CableLoop, rows: Floats, block: Floats, fine: float) -> t
         why = "the torque does not rise evenly with the stretch, as in a backlash, or rows are too few"
         return found._replace(width=width), [f"stiffness, sides of friction: {why}", _NO_BACKLASH_TEXT]
     last = second.value + 0.75 * (second.value - first.value)  # where the trend leads at the wind-up's end
-    ends = [max(last, 0.0), *(end for each in (whole, first, second) for end in each[1:])]
+    ends = [max(last, 0.0), *(end for ends in (whole, first, second) for end in ends[1:])]
     found, untold = found._replace(width=width, stiffness=Interval(whole.value, min(ends), max(ends))), []
     if lasts.value >= _MIN_WINDUP_S:
         side = Interval(0.5 * swing.value, 0.5 * min(swing.low, early.low), 0.5 * max(swing.high, early.high))

@@ -103,7 +103,7 @@ def _solved(
     folds: Sequence[Sequence[Floats]], mass: int, load: float, start: Floats | None = None
 ) -> tuple[Floats, Floats]:
     """Return gains (n,) and parameters (k,) by Gauss-Newton steps, from those of linear least squares."""
-    axes = [np.asarray(np.linalg.qr(np.concatenate(each), mode="r")) for each in zip(*folds, strict=True)]
+    axes = [np.asarray(np.linalg.qr(np.concatenate(parts), mode="r")) for parts in zip(*folds, strict=True)]
     n, k = len(axes), axes[0].shape[1] - 1
     free = np.array([c for c in range(k) if c != mass])
     bounds = np.cumsum([0, *(len(R) for R in axes)])

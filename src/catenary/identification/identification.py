@@ -107,8 +107,8 @@ class Identification(OnScreen):
     @property
     def screen(self) -> Screen:
         """Residuals and parameters."""
-        logs = ", ".join(each.log for each in self.training)
-        verdict = "; ".join(f"{each.log}: the model {each.verdict}" for each in self.tests)
+        logs = ", ".join(residual.log for residual in self.training)
+        verdict = "; ".join(f"{residual.log}: the model {residual.verdict}" for residual in self.tests)
         title = f"of {self.model.name}: {self.base.count} base parameters from {logs}"
         return Screen(title, [self.residual_table, self.parameter_table], verdict)
 
@@ -125,7 +125,7 @@ class Identification(OnScreen):
     @property
     def usual(self) -> Floats:
         """RMS (n,) that is left of the recordings that were fitted [Nm or N]."""
-        return np.asarray(np.mean([each.rms for each in self.training], axis=0))
+        return np.asarray(np.mean([residual.rms for residual in self.training], axis=0))
 
     @property
     def std(self) -> Floats:
@@ -179,7 +179,7 @@ class Identification(OnScreen):
         """Return this identification with verdicts on recordings that were not fitted."""
         worst = np.max([r.relative_rms for r in self.training], axis=0)
         predicted = [(part, self.predict_samples(part)) for part in samples]
-        tests = (residuals.judged(self.model, *each, worst, self.seen) for each in predicted)
+        tests = (residuals.judged(self.model, *test, worst, self.seen) for test in predicted)
         return replace(self, tests=(*self.tests, *tests))
 
     def compare(self, samples: Samples) -> residuals.LogResidual:

@@ -24,7 +24,7 @@ Card = dict[str, Any]
 
 _ARRAYS = ("base", "beta", "covariance", "weights", "phi", "unshown")
 _TYPES = get_type_hints(Identification)
-_OWN_FIELDS = tuple(each.name for each in fields(Identification) if each.name not in _ARRAYS)
+_OWN_FIELDS = tuple(field.name for field in fields(Identification) if field.name not in _ARRAYS)
 # all of an identification but its arrays; `robot_from_record` knows the schema of the robot
 IdentificationRecord: Any = make_dataclass(
     "IdentificationRecord",

@@ -114,8 +114,8 @@ def payload_candidates(
         others,
         unloaded=of_unloaded,
     )
-    found = [_estimate(model, each, loads.sure, at is None) for each in loads.each]
-    best, links = loads.each[0], [each.link for each in found]
+    found = [_estimate(model, load, loads.sure, at is None) for load in loads.each]
+    best, links = loads.each[0], [estimate.link for estimate in found]
     names, detected, rival = likely(links, loads.shares), found[0].detected, int(np.argmax(best.without))
 
     def telling(count: int) -> str | None:

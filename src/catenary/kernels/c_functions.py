@@ -70,7 +70,7 @@ class _Function:
         assert isinstance(tree, ast.FunctionDef)  # for the type checker
         self.kind, self.written = "void", set[str]()  # what it returns, and the arrays that it writes
         self._scope: dict[str, Value] = {}
-        for argument, value in zip((each.arg for each in tree.args.args), given, strict=True):
+        for argument, value in zip((parameter.arg for parameter in tree.args.args), given, strict=True):
             sizes = tuple(f"{argument}_{axis}" for axis in range(len(value.sizes)))
             self._scope[argument] = Value(argument, value.kind, sizes, argument)
         parameters = dict(self._scope)
@@ -106,7 +106,9 @@ class _Function:
                 return [f"{self._place(target).text} {_SIGNS[type(operator)]}= {self._value(value).text};"]
             case ast.For(target=ast.Name() as target, iter=ast.Call(func=ast.Name(id="range"), args=limits)):
                 k = self._place(target, "int").text
-                first, last, step = (*["0"] * (len(limits) == 1), *(self._value(each).text for each in limits), "1")[:3]
+                first, last, step = (*["0"] * (len(limits) == 1), *(self._value(limit).text for limit in limits), "1")[
+                    :3
+                ]
                 return [f"for ({k} = {first}; {k} < {last}; {k} += {step}) {{", *self._block(node.body), "}"]
             case ast.If(test=test, body=body, orelse=orelse):
                 others = ["} else {", *self._block(orelse)] if orelse else []
@@ -172,18 +174,18 @@ class _Function:
             case ast.BoolOp(op=operator, values=values):
                 return Value(f"({f' {_SIGNS[type(operator)]} '.join(self._value(e).text for e in values)})", "int")
             case ast.Compare(left=left, ops=operators, comparators=others):
-                texts = [self._value(each).text for each in (left, *others)]
+                texts = [self._value(operand).text for operand in (left, *others)]
                 pairs = zip(texts, map(type, operators), texts[1:], strict=False)
                 return Value(f"({' && '.join(f'{a} {_SIGNS[sign]} {b}' for a, sign, b in pairs)})", "int")
             case ast.IfExp(test=test, body=body, orelse=orelse):
-                texts = [self._value(each).text for each in (test, body, orelse)]
+                texts = [self._value(part).text for part in (test, body, orelse)]
                 return Value("({} ? {} : {})".format(*texts), self._kind_of([body, orelse]))
             case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=arguments):
-                return self._called(name, [self._value(each) for each in arguments])
+                return self._called(name, [self._value(argument) for argument in arguments])
         raise InputError(self._refusal)
 
     def _kind_of(self, nodes: Sequence[ast.expr]) -> str:
-        return "double" if any(self._value(each).kind == "double" for each in nodes) else "int"
+        return "double" if any(self._value(node).kind == "double" for node in nodes) else "int"
 
     def _part(self, array: Value, places: Sequence[ast.expr]) -> Value:
         """Return an element, a row, or a stretch of a row."""

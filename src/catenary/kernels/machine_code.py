@@ -70,7 +70,7 @@ def line_code(line: Line, lanes: int = 1) -> Any:
         def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
             places: dict[str, tuple[Any, Any, Any]] = {}
             for i, name in enumerate(names):
-                array, at, behind = (builder.extract_value(each, i) for each in given)
+                array, at, behind = (builder.extract_value(value, i) for value in given)
                 data = context.make_array(signature.args[0].types[i])(context, builder, array).data
                 places[name] = data, at, behind
 
@@ -221,7 +221,7 @@ def _any_angle(module: Any) -> Any:
         give(*_small(builder, angle))
     kind = ir.FunctionType(_NUMBER, [_NUMBER])
     library = [module.globals.get(name) or ir.Function(module, kind, name=name) for name in ANGLES]
-    give(*(builder.call(each, [angle]) for each in library))
+    give(*(builder.call(function, [angle]) for function in library))
     return function
 
 

@@ -306,7 +306,7 @@ def _united(
 def _summed_by(effect: Effect, other: Effect, ratio: float, coulomb_velocity: float) -> dict[str, float] | None:
     """Return by which factors numbers along `ratio` times another's line add to its own; None if they do not."""
     if not isinstance(effect, Friction):
-        sprung = [getattr(each, "lever", None) for each in (effect, other)]
+        sprung = [getattr(term, "lever", None) for term in (effect, other)]
         return None if any(sprung) else {"spring" if isinstance(effect, Spring) else "motor_inertia": ratio**2}
     terms = [FRICTION_TERMS[kind] for kind in effect.parts]
     alike = (effect.parts, effect.recording) == (getattr(other, "parts", {}), getattr(other, "recording", ""))

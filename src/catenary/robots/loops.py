@@ -68,7 +68,7 @@ class LoopSettings(Settings):
                 raise ConfigError("assembled: expected with a loop or motors")
             return model
         before = model.loops or Loops((), (), np.zeros(model.n))
-        loops = (*before.loops, *(Loop(each.name, each.frames, np.array(each.points_m)) for each in self.loop))
+        loops = (*before.loops, *(Loop(loop.name, loop.frames, np.array(loop.points_m)) for loop in self.loop))
         place, known = before.assembled.copy(), dict(zip(model.joint_names, range(model.n), strict=True))
         stated = stated_places(model, self.assembled_deg, self.assembled_m, "assembled")
         for name in (*self.motors, *stated):

@@ -132,7 +132,7 @@ def _read(mujoco: Any, path: Path, content: bytes, included: Mapping[str, bytes]
 def _without_free_joints(mujoco: Any, spec: Any) -> list[str]:
     """Leave out bodies that nothing holds and that carry no joint; let those stand that carry some."""
     loose, floating = list[str](), list[str]()
-    for joint in [each for each in spec.joints if each.type == mujoco.mjtJoint.mjJNT_FREE]:
+    for joint in [joint for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]:
         body = joint.parent
         carries = len(body.find_all("joint")) > 1
         (floating if carries else loose).append(body.name or f"body{body.id}")
@@ -145,11 +145,11 @@ def _without_free_joints(mujoco: Any, spec: Any) -> list[str]:
 
 def _without_missing_meshes(mujoco: Any, spec: Any, path: Path) -> list[str]:
     """Leave out meshes whose files are not there, where no mass is taken from them."""
-    missing = [each for each in spec.meshes if each.file and not (path.parent / spec.meshdir / each.file).is_file()]
-    files = {each.name or Path(each.file).stem: each.file for each in missing}
+    missing = [mesh for mesh in spec.meshes if mesh.file and not (path.parent / spec.meshdir / mesh.file).is_file()]
+    files = {mesh.name or Path(mesh.file).stem: mesh.file for mesh in missing}
     forced = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     low, high = spec.compiler.inertiagrouprange
-    for geom in [each for each in spec.geoms if each.meshname in files]:
+    for geom in [geom for geom in spec.geoms if geom.meshname in files]:
         body = geom.parent
         weighs = geom.mass > 0.0 or (np.isnan(geom.mass) and geom.density > 0.0)
         held = body.name == _WORLD or (body.explicitinertial and not forced)

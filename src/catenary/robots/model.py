@@ -126,7 +126,7 @@ class RobotModel(OnScreen):
         object.__setattr__(self, "tree", Tree(*(frozen(array) for array in self.tree)))
         axes = self.axes_of_com if len(self.axes_of_com) else np.ones((len(self.tree.parent), 3), dtype=bool)
         object.__setattr__(self, "axes_of_com", frozen(axes))
-        unseen = tuple(each._replace(change=frozen(each.change)) for each in self.unseen)
+        unseen = tuple(entry._replace(change=frozen(entry.change)) for entry in self.unseen)
         object.__setattr__(self, "unseen", unseen)
         frames = {
             name: Frame(link, Pose(frozen(pose.rotation), frozen(pose.position)))

@@ -83,8 +83,8 @@ def _check(model: RobotModel) -> None:
             raise InputError(f'frame "{name}" stands on link {link} of {links}')
     if model.tip not in model.frames:
         raise InputError(f"tip {model.tip!r} is no frame")
-    for each in model.unseen:
-        if len(each.change) != links:
-            raise InputError(f"unseen change has {len(each.change)} rows, expected {links}")
+    for entry in model.unseen:
+        if len(entry.change) != links:
+            raise InputError(f"unseen change has {len(entry.change)} rows, expected {links}")
     if model.actuation is not None:
         check_actuation("actuation", model.actuation, n)

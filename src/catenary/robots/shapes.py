@@ -194,9 +194,9 @@ def urdf_shapes(
 def _urdf_form(what: str, element: Element, path: Path | None, packages: Sequence[Path]) -> geometry.Form:
     stated = element.find("geometry")
     assert stated is not None
-    found = [each for each in stated if each.tag in _URDF_FORMS]
+    found = [element for element in stated if element.tag in _URDF_FORMS]
     if len(found) != 1:
-        got = ", ".join(f"<{cut(each.tag)}>" for each in stated) or "nothing"
+        got = ", ".join(f"<{cut(element.tag)}>" for element in stated) or "nothing"
         raise FileFormatError(f"{what}: <geometry> holds {got}: expected one of {', '.join(_URDF_FORMS)}")
     form = found[0]
     what = f"{what}: <{form.tag}>"

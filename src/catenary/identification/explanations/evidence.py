@@ -151,8 +151,8 @@ class Evidence:
         if key not in self._grams or key not in self._columns or extra:
             X, beside, own = self.columns(supposed)
             if extra:
-                X = joined([X, np.stack([each.column for each in extra], axis=2)])
-                beside = beside.and_columns([each.mean for each in extra], [each.std for each in extra])
+                X = joined([X, np.stack([term.column for term in extra], axis=2)])
+                beside = beside.and_columns([term.mean for term in extra], [term.std for term in extra])
             by_joint = np.ascontiguousarray(X.transpose(1, 0, 2))
             gram = _Gram(by_joint.transpose(0, 2, 1) @ by_joint, beside, own)
             if not extra:

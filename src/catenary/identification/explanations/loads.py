@@ -144,8 +144,8 @@ def weigh_loads(
         # without recordings of the day nothing but the load tells links apart
         bare = None if empty else [_chain(recordings, start, kind)[0] for kind in others]
         found = [_weighed(recordings, empty, others, bare, *place) for place in places]
-    evidence = np.array([np.logaddexp.reduce(each.logs) for each in found]) - _LOAD_PRICE
-    nothing = float(np.logaddexp.reduce([np.logaddexp.reduce(each.without) for each in found]))
+    evidence = np.array([np.logaddexp.reduce(load.logs) for load in found]) - _LOAD_PRICE
+    nothing = float(np.logaddexp.reduce([np.logaddexp.reduce(load.without) for load in found]))
     some = float(np.logaddexp.reduce(evidence))
     shares = np.exp(evidence - some)
     order = sorted(range(len(found)), key=lambda k: -shares[k])
@@ -189,7 +189,7 @@ def _weighed(
             bodies[k] = mixed(np.exp(np.array([with_load[k], value]) - either), means, covariances)
             with_load[k] = either
     share = np.exp(with_load - np.logaddexp.reduce(with_load))
-    means, covariances = (np.array(each) for each in zip(*bodies, strict=True))
+    means, covariances = (np.array(values) for values in zip(*bodies, strict=True))
     return Load(link, load, with_load, without, *mixed(share, means, covariances))
 
 
