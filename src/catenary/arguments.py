@@ -1,4 +1,4 @@
-"""Wrong arguments of public functions: what Python says of them deep inside, told by name at the door."""
+"""Argument validation of the public API: wrong types are reported by name, not by an error from deep inside."""
 
 import contextlib
 import functools
@@ -49,9 +49,9 @@ def _explained(function: Callable[..., Any]) -> Callable[..., Any]:
         except Exception as error:
             if not (isinstance(error, _RAW) or type(error).__module__.startswith("numba.")):
                 raise
-            if (told := _wrong_argument(function, args, named)) is None:
+            if (message := _wrong_argument(function, args, named)) is None:
                 raise
-            raise InputError(told) from error
+            raise InputError(message) from error
 
     call.__signature__ = _named(inspect.signature(function))  # type: ignore[attr-defined]
     return call
@@ -74,7 +74,7 @@ def _named(signature: inspect.Signature) -> inspect.Signature:
 
 
 def _name(hint: Any) -> str:
-    """Return an annotation as its author wrote it, as far as that can be told."""
+    """Return an annotation as its author wrote it, as far as it is known."""
     origin, parts = get_origin(hint), get_args(hint)
     if isinstance(hint, str | ForwardRef):
         return hint if isinstance(hint, str) else hint.__forward_arg__

@@ -208,10 +208,10 @@ def without_missing(values: NDArray[Any], to_si: float = 0.0) -> NDArray[Any]:
             return values
         far = size * abs(to_si) > _FARTHEST
         missing = (size >= _OF_NO_UNIT) | (far & (2 * far.sum() < len(far)))
-    told = np.isin(values, _NO_NUMBER) & ~missing
-    others = values[np.isfinite(values) & ~missing & ~told]
+    sentinel = np.isin(values, _NO_NUMBER) & ~missing
+    others = values[np.isfinite(values) & ~missing & ~sentinel]
     low, high = (others.min(), others.max()) if len(others) else (np.nan, np.nan)
-    missing |= told & ~(np.maximum(low - values, values - high) < _APART * (high - low))
+    missing |= sentinel & ~(np.maximum(low - values, values - high) < _APART * (high - low))
     return np.where(missing, np.nan, values) if missing.any() else values
 
 
@@ -232,7 +232,7 @@ def _as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...]) -> F
         raw = np.asarray(values)
         if raw.dtype.kind in "SUcMm" or (raw.dtype.kind == "O" and any(isinstance(x, str | bytes) for x in raw.flat)):
             raise TypeError(f"NumPy type {raw.dtype}")
-        if np.ma.is_masked(values):  # what lies under a mask is no measurement
+        if np.ma.is_masked(values):  # masked values are no measurements
             raise TypeError("masked values")
         array = np.asarray(raw, dtype=np.float64, order="C")  # ascontiguousarray would make a scalar (1,)
         # compiled code would be compiled once more for read-only arrays, such as a model's own limits

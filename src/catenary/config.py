@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from catenary.documents import MOST_TOML, cut, json_value, read_bounded, shortened, toml_table
 from catenary.errors import ConfigError, FileFormatError
 
-_MAX_PROBLEMS = 10  # of one file that are told at once
+_MAX_PROBLEMS = 10  # reported of one file at once
 _adapters: dict[Any, TypeAdapter[Any]] = {}  # by schema: making one takes as long as reading a robot
 
 

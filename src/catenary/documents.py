@@ -1,4 +1,4 @@
-"""JSON, TOML and XML from files that nobody vouches for: bounded before anything is made of them.
+"""Size-limited parsers of JSON, TOML and XML for untrusted files.
 
 Every complaint is a FileFormatError that names the file, the place in it and the reason. What a document has to hold
 is its schema's business (`config`).

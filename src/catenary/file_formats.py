@@ -28,7 +28,7 @@ class FileFormat:
     is_told_by_mark: bool = False  # whatever its name ends in
     is_text: bool = False
     reader: str = ""  # MODULE:NAME below catenary.recording, of path and, where it has episodes, the name of one
-    reader_in_parts: str = ""  # of long files, of path and a function that is told the share that was read
+    reader_in_parts: str = ""  # of long files, of path and a progress callback
     has_episodes: bool = False  # FILE/EPISODE is one of several recordings in it
     has_layouts: bool = False  # catenary knows layouts of such files, which need no mapping
     package: str = ""  # without which it is not read, of the extra that brings it

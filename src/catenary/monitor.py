@@ -188,12 +188,12 @@ def monitor_lines(name: str, shot: Snapshot, columns: int = 80, lines: int = 24,
         shown.append(f"tip {x:.1f} {y:.1f} {z:.1f} mm{away}")
     shown.append("")
     shown = [visible(line.replace("\n", " "))[:columns].rstrip() for line in shown]
-    told = [  # why a robot is in FAULT is not cut off
+    warned = [  # why a robot is in FAULT is not cut off
         line
         for text in shot.warnings()
         for line in wrap(visible(f"! {text}".replace("\n", " ")), max(8, columns), subsequent_indent="  ")
     ]
-    shown += [f"\x1b[31m{line}\x1b[0m" if colour else line for line in told] or ["no warnings"]
+    shown += [f"\x1b[31m{line}\x1b[0m" if colour else line for line in warned] or ["no warnings"]
     shown = shown[: max(0, lines - 1)]
     return [*shown, *[""] * (lines - 1 - len(shown)), "Q quit"[:columns]][:lines]
 
@@ -207,8 +207,8 @@ def plain_line(shot: Snapshot) -> str:
     values = " ".join(f"{joint}={in_words(value, unit, 2).replace(' ', '')}" for joint, value, unit in named)
     for name, others in (("calibrated", shot.calibrated), ("measured", shot.encoder)):
         if others is not None and np.isfinite(others).any():
-            told = zip(others, shot.joint_units, strict=False)  # a robot's encoders are at its first joints
-            shown = (f"{DISPLAY[unit][1] * value:.2f}" if np.isfinite(value) else "-" for value, unit in told)
+            encoders = zip(others, shot.joint_units, strict=False)  # a robot's encoders are at its first joints
+            shown = (f"{DISPLAY[unit][1] * value:.2f}" if np.isfinite(value) else "-" for value, unit in encoders)
             values += f"  {name} {' '.join(shown)}"
     if shot.tip_error is not None:
         values += f"  tip {_tip_errors(shot)}"

@@ -18,10 +18,13 @@ from catenary.visible import visible
 _JOINT_UNITS = ("rad", "m")
 # a step in time is a gap where it is longer than so many median ones, and than twice what this share of the steps keep:
 # messages that come in bursts leave no gaps
-GAP_STEPS, GAP_SHARE = 10.0, 0.95
+GAP_STEPS, _GAP_SHARE = 10.0, 0.95
 # rows by which a recording is known again, and how many together: single ones are alike by chance, at rest or coarse
-MARKS, LEAST_MARKS = 256, 8
-POSES, SAME_POSE = 64, 0.02  # by which minutes are known again at another rate, and how near, as a share of the range
+MARKS, _MIN_MARKS = 256, 8
+POSES, _SAME_POSE_SHARE = (
+    64,
+    0.02,
+)  # by which minutes are known again at another rate, and how near, as a share of the range
 FIRST_DATE_S = 1e9  # [s since 1970] a clock that says less is no calendar's
 _HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)  # odd, of no pattern: rows that differ in one digit have unlike hashes
 UNUSED_CHANNEL = "unused"  # channel of a RAVEN-II's arm, its fourth of eight, that drives nothing
@@ -39,7 +42,7 @@ TRANSITIONS: Mapping[StateCommand, Mapping[StateName, StateName]] = {
 }
 AT_REST = frozen(np.zeros((2, 3)))  # base_rates of a base that stands still, or whose motion nobody measures
 
-NO_INTERVAL = frozen(np.zeros(0))  # q_interval of a state whose positions nobody has corrected
+_NO_INTERVAL = frozen(np.zeros(0))  # q_interval of a state whose positions nobody has corrected
 
 
 class OperatingState(NamedTuple):
@@ -75,7 +78,7 @@ class JointState(NamedTuple):
     # (2, 3) angular velocity and acceleration of the base, in its axes [rad/s, rad/s2]
     base_rates: Floats = AT_REST
     # (n,) half-width of an interval about q_calibrated [rad|m], NaN for a joint without; empty without corrector
-    q_interval: Floats = NO_INTERVAL
+    q_interval: Floats = _NO_INTERVAL
 
 
 class Column(NamedTuple):
@@ -168,7 +171,7 @@ def state_in_words(plant: Plant, state: OperatingState) -> str:
 _WAYS_TO_ENABLED = {
     "PAUSED": ". Its pedal resumes it, or the state command resume (R in catenary teleop)",
     "DISABLED": ". Its start button enables it, or the state command enable (E in catenary teleop)",
-    "FAULT": ". See to the reason, then enable it anew",
+    "FAULT": ". Remove the cause, then enable it again",
 }
 
 
@@ -335,8 +338,8 @@ class MotionLog(OnScreen):
                 raise InputError(f'{where}: signal "{key}": expected shape ({rows},), got {values.shape}')
         object.__setattr__(self, "signals", {key: frozen(values) for key, values in self.signals.items()})
         if self.q_encoder is not None:
-            told = [(x, without_missing(x, 1.0)) for x in self.q_encoder.T]
-            none = [self.ok & np.isnan(found) & ~np.isnan(x) for x, found in told if found is not x]
+            checked = [(x, without_missing(x, 1.0)) for x in self.q_encoder.T]
+            none = [self.ok & np.isnan(found) & ~np.isnan(x) for x, found in checked if found is not x]
             if np.any(none):
                 gone = np.any(none, axis=0)
                 note = f"q_encoder: {int(gone.sum())} rows hold numbers that mean no measurement, and are not ok"
@@ -439,7 +442,7 @@ class MotionLog(OnScreen):
     def marks(self) -> tuple[str, ...]:
         """Hashes of some rows of each recording in it: by these it is known again in any file, cut or whole."""
         ends, hashes = sorted({*self.starts, *self.gaps(), len(self)}), self.row_hashes
-        rows = [slice(a, b, max(1, min(len(self) // MARKS, (b - a) // LEAST_MARKS))) for a, b in pairwise(ends)]
+        rows = [slice(a, b, max(1, min(len(self) // MARKS, (b - a) // _MIN_MARKS))) for a, b in pairwise(ends)]
         found = dict.fromkeys(f"{mark:x}" for part in rows for mark in hashes[part] if mark)
         return tuple(found)
 
@@ -467,11 +470,11 @@ class MotionLog(OnScreen):
         k = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
         steps = np.diff(time)
         there = (at >= time[0]) & (at <= time[-1]) & (steps[k - 1] <= GAP_STEPS * np.median(steps))
-        if there.sum() < LEAST_MARKS:
+        if there.sum() < _MIN_MARKS:
             return False
         q = np.column_stack([np.interp(at[there], time, column) for column in self.q_nominal[order].T])
         away = np.abs(q - poses[there, 1:])[:, moved] / np.ptp(self.q_nominal, axis=0)[moved]
-        return bool(np.median(away.max(axis=1)) < SAME_POSE)
+        return bool(np.median(away.max(axis=1)) < _SAME_POSE_SHARE)
 
     def is_among(self, sources: Iterable[Mapping[str, Any]]) -> bool:
         """Return True if the log, or minutes of it, is among the recordings listed in a card under `data`."""
@@ -482,7 +485,7 @@ class MotionLog(OnScreen):
             return True
         known = np.array([int(mark, 16) for one in sources for mark in one.get("marks", ())], dtype=np.uint64)
         hits = np.r_[False, np.isin(known, self.row_hashes)]
-        return bool((np.convolve(hits, np.ones(LEAST_MARKS)) >= LEAST_MARKS).any())
+        return bool((np.convolve(hits, np.ones(_MIN_MARKS)) >= _MIN_MARKS).any())
 
     def gaps(self, least: float = 0.0) -> tuple[int, ...]:
         """Return the rows behind a gap in time: a step of more than GAP_STEPS median ones, and than `least` [s]."""
@@ -490,5 +493,5 @@ class MotionLog(OnScreen):
         forward = steps[steps > 0.0]
         if not len(forward):
             return ()
-        usual, longest = float(np.median(forward)), float(np.quantile(forward, GAP_SHARE))
+        usual, longest = float(np.median(forward)), float(np.quantile(forward, _GAP_SHARE))
         return tuple((np.flatnonzero(steps > max(GAP_STEPS * usual, 2.0 * longest, least)) + 1).tolist())

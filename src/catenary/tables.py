@@ -19,7 +19,7 @@ _NEGATIVE = re.compile(r"-(?=[0-9.])")
 
 @dataclass(frozen=True)
 class Table:
-    """Records as rows, a column for what is told of each: its key or attribute; of lists the cell of its place.
+    """Records as rows, a column for each reported key or attribute; of lists the cell of its place.
 
     A heading alone is its own key. What is no number stands as it is, a dash for None and NaN.
     """
@@ -87,10 +87,10 @@ def joint_columns(joints: Sequence[tuple[str, str]], value: Callable[[Any, int],
 
 
 def _cell(column: Column, record: Any, place: int) -> str:
-    told = column if isinstance(column, str) else column[1]
-    if callable(told):
-        return _text(told(record), "")
-    key, _, form = (column, "", "") if isinstance(column, str) else told.partition(":")
+    content = column if isinstance(column, str) else column[1]
+    if callable(content):
+        return _text(content(record), "")
+    key, _, form = (column, "", "") if isinstance(column, str) else content.partition(":")
     if type(record) in (list, tuple):
         return _text(record[place], form)
     return _text(record[key] if isinstance(record, Mapping) else getattr(record, key), form)

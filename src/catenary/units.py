@@ -45,5 +45,5 @@ def in_words(value: float, unit: str, digits: int) -> str:
 def shown_rows(joints: Any, *columns: Any) -> list[tuple[Any, ...]]:
     """Return a row for each joint: its name, its unit as shown, and its numbers of columns (n,) [rad|m] in that."""
     shown = [DISPLAY[unit] for unit in joints.joint_units]
-    told = ([scale * value for (_, scale), value in zip(shown, column, strict=True)] for column in columns)
-    return list(zip(joints.joint_names, (unit for unit, _ in shown), *told, strict=True))
+    values = ([scale * value for (_, scale), value in zip(shown, column, strict=True)] for column in columns)
+    return list(zip(joints.joint_names, (unit for unit, _ in shown), *values, strict=True))

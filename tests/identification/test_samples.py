@@ -120,7 +120,7 @@ def test_no_row_is_made_where_none_was_recorded():
     assert np.abs(samples.time[:, None] - run.time).min(axis=1).max() < 1e-9
     assert len(samples) == len(run) - 5 * 2 * CUT  # at either end of each stretch
     assert samples.notes == (
-        "4 gap(s) in time, the longest 2.51 s: what lies between was filtered, and cut at both ends, by itself; "
+        "4 gap(s) in time, the longest 2.51 s: rows between were filtered, and cut at both ends, by itself; "
         "3580 rows are used of 4000",
     )
 

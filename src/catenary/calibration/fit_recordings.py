@@ -24,7 +24,7 @@ from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
-from catenary.robots.plausible import FARTHEST
+from catenary.robots.plausible import MAX_LENGTH_M
 from catenary.side_by_side import Progress, part_of, silent
 from catenary.units import DISPLAY
 from catenary.verdict.check import Passed
@@ -214,7 +214,7 @@ def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
     places = [known.index(joint) for joint in joints]
     lower = np.minimum(robot.lower[places], q.min(axis=0))
     upper = np.maximum(robot.upper[places], q.max(axis=0))
-    limits: Floats = np.clip([lower, upper], -FARTHEST, FARTHEST)  # a joint may have none
+    limits: Floats = np.clip([lower, upper], -MAX_LENGTH_M, MAX_LENGTH_M)  # a joint may have none
     return limits
 
 

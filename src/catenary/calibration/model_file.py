@@ -25,7 +25,7 @@ from catenary.config import parse_settings
 from catenary.documents import cut, json_table, shortened
 from catenary.errors import CatenaryError, FileFormatError, InputError
 from catenary.files import damage
-from catenary.robots.plausible import FARTHEST, check_different, check_names, check_within
+from catenary.robots.plausible import MAX_LENGTH_M, check_different, check_names, check_within
 
 _log = logging.getLogger(__name__)
 _FORMAT, _BEFORE = "catenary.calibration.6", "catenary.calibration.5"
@@ -74,10 +74,10 @@ def load_model(path: Path, own: Named | Sequence[Named] | None = None) -> tuple[
             kind_of(model.kind, model.preset)  # refuses unknown ones
         check_names("joint", model.joint_names)
         check_different("joint", model.joint_names)
-        check_within("offset", model.offset, FARTHEST, "rad or m")
-        check_within("largest", model.largest, FARTHEST, "rad or m")
+        check_within("offset", model.offset, MAX_LENGTH_M, "rad or m")
+        check_within("largest", model.largest, MAX_LENGTH_M, "rad or m")
         if model.intervals is not None:
-            check_within("intervals", model.intervals.outside, FARTHEST, "rad or m")
+            check_within("intervals", model.intervals.outside, MAX_LENGTH_M, "rad or m")
         card = card_of(arrays, path, remedy)
     except (KeyError, ValueError, IndexError, OverflowError) as error:
         if str(error).startswith(f"{path}: "):

@@ -24,7 +24,7 @@ _MAX_SEARCHED_ROWS, _WINDOWS, _WARMUP_SHARE = 8_000, 10, 0.2
 _PERIOD_S = 0.04  # between rows that are searched
 _FAR_DEVIATIONS = 8.0  # robust deviations
 MIN_ROWS = 200  # rows
-MIN_LOG_GAIN = 0.03  # in the logarithm of the error, that what is found must explain
+_MIN_LOG_GAIN = 0.03  # in the logarithm of the error, that what is found must explain
 
 
 class SearchedRows(NamedTuple):
@@ -136,7 +136,7 @@ class SumsBeside:
         return np.sqrt(np.maximum(squares, 1e-30))
 
 
-def is_gain(before: Floats, after: Floats, least: float = MIN_LOG_GAIN) -> bool:
+def is_gain(before: Floats, after: Floats, least: float = _MIN_LOG_GAIN) -> bool:
     """Return whether errors on blocks (K, m) fell: their logarithm by `least`, and by more than a chance."""
     gain = np.log(before / after).mean(axis=1)  # of each block
     return bool(gain.mean() > max(least, gain.std(ddof=1) / np.sqrt(len(gain))))

@@ -97,12 +97,12 @@ def follow(
     far away it starts. A motion that was stopped (Ctrl-C) is not taken up again where it ended: the next
     one begins at the beginning. However it ends, the robot holds and is paused.
     """
-    from catenary.workflows.robot.operator_motion import LARGEST_VELOCITY, leaves_rows, read_followed_file
+    from catenary.workflows.robot.operator_motion import MAX_VELOCITY, leaves_rows, read_followed_file
     from catenary.workflows.robot.operator_motion import follow as follow_file
 
     motion = read_followed_file(file, rows_per_second=rows_per_second)
     print_notes(motion.notes)
-    fastest = dict(LARGEST_VELOCITY)
+    fastest = dict(MAX_VELOCITY)
     for unit, typed in (("rad", largest_deg_s), ("m", largest_mm_s)):
         if typed is not None:
             fastest[unit] = from_display(typed, unit)

@@ -84,7 +84,7 @@ class TorqueLimits:
             InputError: Torques or positions are no n numbers; NaN and infinity are.
         """
         sent, shape = np.empty(len(self._last)), self.torque.shape
-        # compiled code would be compiled anew for every other type
+        # every other type would be compiled for
         wanted, at = as_array("torque", tau, shape, finite=False), as_array("q", q, shape, finite=False)
         bounds = self.torque, self.slew, self.lower, self.upper, self.taper
         _limit(*bounds, self._last, self._counts, wanted, at, float(dt), sent)

@@ -193,7 +193,7 @@ class _Run:
     observers: Sequence[Observer]
     clock: RealTime | None
     tally: LoopTally
-    all_inside: Flags  # (n,) true: what is told without a corrector
+    all_inside: Flags  # (n,) true, reported without a corrector
 
     def tick(self, number: int) -> None:
         """Measure, correct, sense gravity, control, limit, send, observe, wait."""

@@ -75,7 +75,7 @@ class RealTime:
         """Take priority and quieten the garbage collector."""
         if gc.isenabled():
             self._before.callback(gc.enable)
-        if gc.get_freeze_count() == 0:  # somebody else's frozen objects could not be told from ours
+        if gc.get_freeze_count() == 0:  # objects frozen by others are indistinguishable from ours
             gc.collect()
             gc.freeze()
             self._before.callback(gc.unfreeze)
@@ -99,7 +99,7 @@ class RealTime:
         self._deadline = self._woken + self.period
 
     def wait(self) -> None:
-        """Sleep, then spin, to the deadline; one that has passed is an overrun, and the clock starts anew."""
+        """Sleep, then spin, to the deadline; one that has passed is an overrun, and the clock restarts."""
         now = time.perf_counter()
         if now > self._deadline:
             self.overruns += 1

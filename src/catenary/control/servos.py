@@ -66,7 +66,7 @@ class Servo:
 
 
 class ServoCommand(NamedTuple):
-    """What servos are told, (n,) each."""
+    """Commands of servos, (n,) each."""
 
     value: Floats  # [A, rad, of full duty], within the limits
     counts: NDArray[np.int64]  # the same in the servo's register

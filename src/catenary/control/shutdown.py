@@ -99,8 +99,8 @@ def leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
 def attempt(error: BaseException, **actions: Callable[[], object]) -> None:
     """Do things to a robot one after the other, such as holding and pausing it, while an error is under way.
 
-    One that fails is told with the error and keeps no other from being done; neither does a Ctrl-C, which is raised
-    afterwards unless the error is one itself. A robot that another program moves is left to that one.
+    A failing one is added to the error as a note and keeps no other from being done; neither does a Ctrl-C, which is
+    raised afterwards unless the error is one itself. A robot that another program moves is left to that one.
     """
     if isinstance(error, RobotHeldError):
         return

@@ -22,7 +22,7 @@ IN_95_PERCENT = 1.96  # standard deviations
 _FALSE_ALARM = 1e-12
 _LEAST_DEVIATION = 1e-9  # [Nm or N]
 _STICKING_SPEED = {"rad": 0.02, "m": 0.002}  # [rad/s], [m/s] below which dry friction may be anything up to its level
-_SINGULAR_RATIO = 1e-3  # of a Jacobian's largest singular value, rad and m alike: less, and a direction is not told
+_SINGULAR_RATIO = 1e-3  # of a Jacobian's largest singular value, rad and m alike: below it a direction is unobservable
 
 
 class ExternalTorque(NamedTuple):
@@ -103,9 +103,9 @@ def external_wrench(
     spread = as_positive("half-width of the external torque", external.half_width, (model.n,))
     A = jacobian(model, q, frame).T / spread[:, None]
     _, sizes, directions = np.linalg.svd(A, full_matrices=False)
-    told = sizes > _SINGULAR_RATIO * sizes[0]
+    observable = sizes > _SINGULAR_RATIO * sizes[0]
     inverse = np.linalg.pinv(A, rcond=_SINGULAR_RATIO)
-    hidden = np.ones(6) - np.sum(directions[told] ** 2, axis=0) > _SINGULAR_RATIO
+    hidden = np.ones(6) - np.sum(directions[observable] ** 2, axis=0) > _SINGULAR_RATIO
     wrench = np.where(hidden, np.nan, inverse @ (torque / spread))
     return ExternalWrench(wrench, np.where(hidden, np.nan, np.linalg.norm(inverse, axis=1)))
 

@@ -148,7 +148,7 @@ def carried(tree: Tree) -> tuple[Floats, Floats]:
     """Return first moments (n, 3) about the frames' origins, and masses (n,), of links with all that they carry.
 
     What a link carries is lumped at its joints. Each child's whole load counts where its frame's origin is with its
-    joint at zero: what lies beyond is counted along the child's own axes.
+    joint at zero: masses beyond it are counted along the child's own axes.
     """
     mass = np.array(tree.mass)
     moment = tree.mass[:, None] * tree.com

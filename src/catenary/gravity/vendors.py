@@ -13,9 +13,9 @@ _MAX_GRAVITY = 30.0  # [m/s2] beyond which a vector is none that a base feels
 
 
 class Vendor(NamedTuple):
-    """How a controller is told of gravity."""
+    """A vendor's way to set gravity in its controller."""
 
-    sign: float  # of free-fall acceleration in base axes; 0 for one that cannot be told
+    sign: float  # of free-fall acceleration in base axes; 0 where it cannot be set
     command: str  # {} are x, y and z
     limits: str  # what its makers say of it
 

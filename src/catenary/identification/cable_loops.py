@@ -25,20 +25,23 @@ _SMOOTHING_S = 0.01  # [s] to either side, over which readings are averaged; spe
 # of a joint's RMS speed, of its motor's: slower rows tell nothing of friction
 _MOVING_SHARE, _FOLLOWING_SHARE = 0.25, 0.5
 _OWN_VARIANCE_SHARE = 0.1  # of the variance of a joint's direction that pose and speed must leave
-_STANDING_JUMPS, _BACKLASH_JUMPS = 3.0, 4.0  # of what an encoder jumps by; of that, the least lost motion that is told
+_STANDING_JUMPS, _BACKLASH_JUMPS = (
+    3.0,
+    4.0,
+)  # of what an encoder jumps by; of that, the least lost motion that is reported
 _EVEN_RATIO = 2.0  # at most, between the 16th and 84th percentile of lost motion, where a joint moves alone
 # difference of a wind-up's halves that is none; factor from which neither is a stiffness
 _SAME_DIFFERENCE, _APART_FACTOR = 0.3, 3.0
 _MIN_WINDUP_S = 0.3  # [s] that a wind-up lasts at least: in a faster one rotor inertia looks like friction
 _MAX_ROWS = 6000
 _NO_BACKLASH_TEXT = (
-    "backlash: at most the lost motion; it is not told from stretch, and a load that keeps a cable taut hides it"
+    "backlash: at most the lost motion; it is not separated from stretch, and a load that keeps a cable taut hides it"
 )
 _WINDUP_PARTS = (0.1, 0.9), (0.1, 0.5), (0.5, 0.9)  # of a wind-up
 
 
 class Interval(NamedTuple):
-    """An estimate with the ends of its 95 % interval, which blocks of time give; NaN where it cannot be told."""
+    """An estimate with its 95 % interval from blocks of time; NaN where the data do not determine it."""
 
     value: float = np.nan
     low: float = np.nan
@@ -57,7 +60,7 @@ class CableLoop(NamedTuple):
     width: Interval = Interval()  # lost motion at a reversal: the hysteresis between motor and joint
     following: float = np.nan  # RMS of setpoint less reported position; NaN without setpoints
     reversals: int = 0
-    untold: tuple[str, ...] = ()  # what could not be told, and why
+    untold: tuple[str, ...] = ()  # what the data do not determine, and why
 
 
 def cable_loops(log: MotionLog) -> tuple[list[CableLoop], list[Finding]]:
@@ -132,8 +135,11 @@ def _friction(time: Floats, q: Floats, x: Floats, tau: Floats, j: int, half: flo
     if np.mean(left**2) >= _OWN_VARIANCE_SHARE:
         return whole, []
     simple = _jackknife(lean, tau[rows], own)
-    told = simple._replace(low=min(simple.low, whole.low), high=max(simple.high, whole.high))
-    return told, ["friction: its side follows from pose and speed in this motion; viscous friction is not told apart"]
+    estimate = simple._replace(low=min(simple.low, whole.low), high=max(simple.high, whole.high))
+
+    return estimate, [
+        "friction: its side follows from pose and speed in this motion; viscous friction is not separated"
+    ]
 
 
 def _jackknife(X: Floats, y: Floats, block: NDArray[np.int64]) -> Interval:
@@ -191,8 +197,8 @@ def _line(stretch: Floats, torque: Floats, first: float, last: float) -> tuple[f
 
 def _of_blocks(values: Floats, block: Floats) -> Interval:
     """Return the mean of the blocks' medians, with its interval."""
-    told = np.isfinite(values)
-    medians = np.array([np.median(values[told & (block == b)]) for b in np.unique(block[told])])
+    finite = np.isfinite(values)
+    medians = np.array([np.median(values[finite & (block == b)]) for b in np.unique(block[finite])])
     if len(medians) < _MIN_BLOCKS:
         return Interval()
     mean, reach = medians.mean(), student.ppf(0.975, len(medians) - 1) * medians.std(ddof=1) / np.sqrt(len(medians))

@@ -40,13 +40,13 @@ class DriveGains:
 
     def notes(self, model: RobotModel) -> list[str]:
         """Return the gains in words, and by how much they leave masses open."""
-        told = ", ".join(
+        gains = ", ".join(
             f"{name} {gain:.4g} ({100.0 * error:.1f} %)"
             for name, gain, error in zip(model.joint_names, self.gains, self.errors, strict=True)
         )
         x, y, z = self.centre
         return [
-            f"drive gains [Nm/A, N/A], standard error: {told}; masses are open by as much as the gains of axes "
+            f"drive gains [Nm/A, N/A], standard error: {gains}; masses are open by as much as the gains of axes "
             "that carry them",
             f"load of {self.load:g} kg: its centre was found at ({x:.3f}, {y:.3f}, {z:.3f}) m in {model.tip}",
         ]

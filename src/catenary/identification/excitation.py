@@ -83,7 +83,7 @@ def series_at_rest(coefficients: Floats, period: float) -> FourierSeries:
     return FourierSeries(a, b, np.zeros(coefficients.shape[2]), period)
 
 
-LIMIT_MARGIN = 0.05  # of a coordinate's range kept clear of its limits
+_LIMIT_MARGIN = 0.05  # of a coordinate's range kept clear of its limits
 _EFFORT_SHARE = 0.95  # of the torque limit that a motion may take, by the robot's own masses
 _TORQUE_ROWS = 1000  # of a motion at which torques are compared with their limits
 _SEARCH_ROWS = 160  # of a motion that are looked at while it is searched for
@@ -102,7 +102,7 @@ class Room:
 
     def inner(self) -> tuple[Floats, Floats]:
         """Return the limits of position that designs keep to, a twentieth of the range inside."""
-        slack = LIMIT_MARGIN * (self.upper - self.lower)
+        slack = _LIMIT_MARGIN * (self.upper - self.lower)
         return self.lower + slack, self.upper - slack
 
 
@@ -460,8 +460,8 @@ def free_poses(limits: MotionLimits, rng: np.random.Generator, count: int) -> Fl
     if (scene := limits.scene) is not None:
         close = scene.touching(drawn, limits.margin + _DISTANCE_DIP_M)
         often = [int(k) for k in np.argsort(-close.sum(axis=0), kind="stable")[:3]]
-        told = (f"{' and '.join(scene.names(k))} in {100 * close[:, k].mean():.0f} %" for k in often)
-        why += f", or its bodies come within {1000 * limits.margin:g} mm of what is about them: {', '.join(told)}"
+        pairs = (f"{' and '.join(scene.names(k))} in {100 * close[:, k].mean():.0f} %" for k in often)
+        why += f", or its bodies come within {1000 * limits.margin:g} mm of what is about them: {', '.join(pairs)}"
     raise InputError(
         f'robot "{limits.model.name}": none of {_POSE_ATTEMPTS * count} poses within the limits is free: {why}'
     )

@@ -201,7 +201,7 @@ class Identification(OnScreen):
     def robot(self) -> RobotModel:
         """Return the robot with the identified inertia, friction, rotors and springs, and what it carried.
 
-        `without_payload` of it is the arm alone, where recordings or the caller told of a body that it carried.
+        `without_payload` of it is the arm alone, where recordings show, or the caller declares, a body that it carried.
         Poses at rest give masses and their centres alone: such a robot has torques of gravity, and none of motion.
         """
         parameters, consistent = self.base.parameters, self.phi

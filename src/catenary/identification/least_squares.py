@@ -11,7 +11,7 @@ from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.samples import Samples
 from catenary.robots.actuation import Weighting
 
-SINGULAR_RATIO = 1e-5  # smallest singular value, columns scaled to one, of a motion that shows its parameters
+_SINGULAR_RATIO = 1e-5  # smallest singular value, columns scaled to one, of a motion that shows its parameters
 
 _LEAST_NOISE = 0.001  # of an axis' torque
 
@@ -113,7 +113,7 @@ def excitation(R: Floats) -> tuple[int, float, Floats]:
     scale = np.linalg.norm(R[:b, :b], axis=0)
     values, Vt = np.linalg.svd(R[:b, :b] / np.where(scale > 0.0, scale, 1.0))[1:]
     condition = float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf
-    return int((values > SINGULAR_RATIO * values[0]).sum()), condition, Vt[-1]
+    return int((values > _SINGULAR_RATIO * values[0]).sum()), condition, Vt[-1]
 
 
 def covariance(reduced: Triangles, weights: Floats, beta: Floats) -> Floats:

@@ -122,15 +122,15 @@ def payload_candidates(
         pair = [(link, each.mean[:4]) for link, each in zip(links[:count], loads.each, strict=False)]
         return telling_joint(compact_regressor(model), pair, loaded[0].q[-1], result.gravity, result.usual + 1e-9)
 
-    told = ""
+    rival_says = ""
     if rival > 0 and not detected and min(loads.gain, best.without[rival] - best.without[0]) > _RIVAL_MARGIN:
         name = telling(1)
         how = f"move {name}" if name else "no joint would tell, moved by itself"
-        told = f"{others[rival].says}: {how}"
+        rival_says = f"{others[rival].says}: {how}"
     beside = others[int(np.argmax(best.logs if detected else best.without))].says
     joint = telling(2) if len(names) > 1 else None
     return tuple(
-        replace(each, probability=share, likely=names, telling_joint=joint, beside=beside, rival=told)
+        replace(each, probability=share, likely=names, telling_joint=joint, beside=beside, rival=rival_says)
         for each, share in zip(found, loads.shares, strict=True)
     )
 
@@ -177,7 +177,7 @@ def locate_load(
     on, belief = [model.frame(name) for name in named], belief_of_known(model, masses)
     for name, frame in zip(named, on, strict=True):
         if frame.link not in belief.links:
-            raise InputError(f'frames: "{name}" is on no link that moves and has mass: what hangs there is not told')
+            raise InputError(f'frames: "{name}" is on no link that moves and has mass: a body there has no effect')
     down = gravity_rows(gravity, len(rows))
     down = down[0] if len(down) == 1 else down
     known = known_torque(actuation_of(model), rows)
@@ -211,15 +211,15 @@ def place_of(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Fl
 def _estimate(model: RobotModel, of: Load, sure: float, anywhere: bool) -> PayloadEstimate:
     """Return the estimate of a load on a link."""
     mean, deviation = of.mean, np.sqrt(np.maximum(np.diag(of.covariance), 0.0))
-    told = not anywhere or deviation[0] < _TOLD_DEVIATION * mean[0]
+    is_known = not anywhere or deviation[0] < _TOLD_DEVIATION * mean[0]
     moment, moment_std = mean[1:4], deviation[1:4]
     if anywhere:
         hidden = moment_std > _HIDDEN_SHARE * np.linalg.norm(of.prior, axis=1)[1:4]
         moment, moment_std = np.where(hidden, np.nan, moment), np.where(hidden, np.nan, moment_std)
     return PayloadEstimate(
         model.link_names[of.link],
-        float(mean[0]) if told else None,
-        float(deviation[0]) if told else None,
+        float(mean[0]) if is_known else None,
+        float(deviation[0]) if is_known else None,
         moment,
         moment_std,
         bool(sure >= _SURE and mean[0] > 0.0),

@@ -1,7 +1,7 @@
 """How far torques are from what a model says, per axis, and what that says about the model.
 
 A joint that hardly moves, or moves where it was not identified, tells nothing of whether the arm has changed. What has
-changed of one that does is told by explanations/, which weigh the recording against the arm as it was identified.
+changed of one that does is found by explanations/, which weigh the recording against the arm as it was identified.
 """
 
 from dataclasses import dataclass, replace

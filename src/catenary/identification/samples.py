@@ -200,7 +200,7 @@ HELD_OUT = " (held-out blocks)"  # behind the name of a recording, of which thes
 _IRREGULAR_SPREAD = 0.01  # relative spread of time steps beyond which a recording is brought to even steps
 _BRIDGED_PERIODS = 1.0  # periods of the cut-off, over which a line is 5 % off for a motion of a tenth of its frequency
 _MIN_ROWS_LEFT = 30  # rows that a stretch of time must have beside those cut
-_TOLD_ROWS_RATIO = 1.1  # even rows for each one recorded, from which on that is told
+_NOTED_ROWS_RATIO = 1.1  # even rows for each one recorded, from which on a note says so
 
 
 @dataclass(frozen=True)
@@ -314,9 +314,9 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
     pieces = list(zip(parts, cuts, strict=True))
     rows = {key: np.concatenate([part[key][c : len(part[key]) - c] for part, c in pieces]) for key in parts[0]}
     recorded, made = sum(part.stop - part.start for part, _, _ in used), sum(len(even) for _, even, _ in used)
-    told = _told(len(stretches) - len(used), gaps, (len(log), recorded, made, len(rows["q"])))
+    notes = _notes(len(stretches) - len(used), gaps, (len(log), recorded, made, len(rows["q"])))
     if log.qd is not None:
-        told += check_rates(f'recording "{log.name}"', model, rows["derivative"], rows["qd"])
+        notes += check_rates(f'recording "{log.name}"', model, rows["derivative"], rows["qd"])
     q, qdd, time = rows["q"], rows["qdd"], rows["time"]
     known = known_torque(actuation, q) + known_rotors(model, options) * qdd
     rate = 1.0 / float(np.median(np.diff(time)))
@@ -337,7 +337,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
         gravity,
         base,
         history,
-        notes=told,
+        notes=notes,
         has_rates=log.qd is not None,
     )
 
@@ -352,16 +352,16 @@ def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Flo
     return [slice(first, last) for first, last in pairwise(bounds)], steps[np.array(gaps, dtype=int) - 1]
 
 
-def _told(short: int, gaps: Floats, rows: tuple[int, int, int, int]) -> tuple[str, ...]:
+def _notes(short: int, gaps: Floats, rows: tuple[int, int, int, int]) -> tuple[str, ...]:
     """Return in words what became of the rows, where it is not the usual: all, those used, made of them, and kept."""
     every, recorded, made, kept = rows
     longest = f"{len(gaps)} gap(s) in time, the longest {gaps.max(initial=0.0):.3g} s"
-    told = {
-        f"{longest}: what lies between was filtered, and cut at both ends, by itself": len(gaps) > 0,
+    notes = {
+        f"{longest}: rows between were filtered, and cut at both ends, by itself": len(gaps) > 0,
         f"{short} stretch(es) of time shorter than the filter needs, {every - recorded} rows, were left out": short,
-        f"{recorded} rows were brought to {made} even ones, on straight lines": made > _TOLD_ROWS_RATIO * recorded,
+        f"{recorded} rows were brought to {made} even ones, on straight lines": made > _NOTED_ROWS_RATIO * recorded,
     }
-    return tuple(f"{note}; {kept} rows are used of {every}" for note, is_so in told.items() if is_so)
+    return tuple(f"{note}; {kept} rows are used of {every}" for note, is_so in notes.items() if is_so)
 
 
 def _grid(time: Floats) -> tuple[Floats, float]:

@@ -100,9 +100,9 @@ def _check(names: Sequence[str], inputs: Sequence[NDArray[Any]], outputs: Sequen
             f"a C-contiguous array, got shape {array.shape} with strides {array.strides}": array.flags.c_contiguous,
             f"an aligned array, got {array.dtype} at an odd address": array.flags.aligned,
         }
-        for told, holds in wanted.items():
+        for requirement, holds in wanted.items():
             if not holds:
-                raise InputError(f"{name}: expected {told}")
+                raise InputError(f"{name}: expected {requirement}")
     written = list(zip(names[len(inputs) :], outputs, strict=True))
     for name, array in written:
         if not array.flags.writeable:

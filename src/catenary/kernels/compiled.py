@@ -1,7 +1,7 @@
 """Compiled functions: the one place that asks numba for them, and the private folders that keep their machine code.
 
 numba takes a second to import and make ready: that is done when a compiled function is first called. It keeps machine
-code on disk until the file of its function changes; here it is made anew when any file with such functions has.
+code on disk until the file of its function changes; here it is recompiled when any file with such functions has.
 
 Code that is loaded from a folder is as safe as the folder. So every folder above must be the user's or root's, and
 writable by nobody else (but for sticky ones like /tmp); the folder must be the user's own and no link, and is emptied
@@ -10,7 +10,7 @@ where others could enter it. Where no such folder can be had, code is compiled i
 Of a generated module (`load_module`) the text in memory is run; the file with the same text only tells numba which
 machine code, cached in `__pycache__`, belongs to it. So before any is read back, the file must be a plain file of the
 user's under one name, and hold the text to the byte, and files with machine code must be plain ones under one name;
-otherwise they are made anew.
+otherwise they are recompiled.
 """
 
 import contextlib
@@ -81,7 +81,7 @@ def private_folder(folder: Path) -> Path:
     mode = folder.parent.stat().st_mode
     is_numbas = mode & _OTHERS_WRITE_BITS == stat.S_IWGRP  # as it makes folders by umask 002
     if is_numbas and is_own(folder.parent, stat.S_ISDIR):
-        folder.parent.chmod(stat.S_IMODE(mode) & ~stat.S_IWGRP)  # what lies in it is looked at below
+        folder.parent.chmod(stat.S_IMODE(mode) & ~stat.S_IWGRP)  # its contents are checked below
     for above in folder.parents:
         status = above.stat()
         shared = status.st_mode & _OTHERS_WRITE_BITS and not status.st_mode & stat.S_ISVTX

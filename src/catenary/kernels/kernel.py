@@ -12,8 +12,8 @@ from catenary.errors import InputError
 from catenary.kernels.bind import bind
 from catenary.kernels.tracing import Line, widths_of
 
-NDARRAY, FLOAT64 = np.ndarray, np.dtype(np.float64)
-_CONTIGUOUS_STRIDES = (FLOAT64.itemsize,)  # strides of a contiguous row
+_NDARRAY, _FLOAT64 = np.ndarray, np.dtype(np.float64)
+_CONTIGUOUS_STRIDES = (_FLOAT64.itemsize,)  # strides of a contiguous row
 
 
 class Kernel:
@@ -66,7 +66,7 @@ class Kernel:
         """Return the quantity at one configuration; None where inputs are not finite float64 arrays of its size."""
         for given in inputs:
             # numba would refuse other arrays too, but in 300 us
-            if type(given) is not NDARRAY or given.dtype is not FLOAT64 or given.strides != _CONTIGUOUS_STRIDES:
+            if type(given) is not _NDARRAY or given.dtype is not _FLOAT64 or given.strides != _CONTIGUOUS_STRIDES:
                 return None
         out = np.empty(self.shape)
         try:
@@ -100,8 +100,8 @@ class Kernel:
         shape = (count, *self.shape)
         if out is None:
             out = np.empty(shape)
-        elif not isinstance(out, NDARRAY) or out.shape != shape or out.dtype != FLOAT64 or not out.flags.carray:
-            got = f"{out.dtype} {out.shape}" if isinstance(out, NDARRAY) else type(out).__name__
+        elif not isinstance(out, _NDARRAY) or out.shape != shape or out.dtype != _FLOAT64 or not out.flags.carray:
+            got = f"{out.dtype} {out.shape}" if isinstance(out, _NDARRAY) else type(out).__name__
             raise InputError(f"out: expected a contiguous float64 array of shape {shape}, got {got}")
         self._functions.rows(*arrays, out.reshape(count, len(self.line.results)))
         return out

@@ -166,8 +166,8 @@ class Trace:
             step = self._steps[old]
             b = numbers[int(step.b)] if step.kind in ("+", "-", "*") else step.b
             steps.append(Operation(step.kind, step.a if step.kind == "in" else numbers[step.a], b))
-        told = ((r.sign, numbers[r.step]) if isinstance(r, Symbol) else float(r) for r in results)
-        return every._replace(steps=tuple(steps), results=tuple(told))
+        kept = ((r.sign, numbers[r.step]) if isinstance(r, Symbol) else float(r) for r in results)
+        return every._replace(steps=tuple(steps), results=tuple(kept))
 
     def _symbol(self, kind: str, a: int, b: float | int, sign: int = 1) -> Symbol:
         key = (kind, a, b)

@@ -17,7 +17,7 @@ from catenary.arrays import Floats, Listed, frozen
 from catenary.config import IN_FILES, file_keys
 from catenary.errors import InputError
 from catenary.robots.friction_terms import FRICTION_TERMS, FrictionTerm
-from catenary.robots.plausible import FARTHEST, MAX_FACTOR, check_names, check_within
+from catenary.robots.plausible import MAX_FACTOR, MAX_LENGTH_M, check_names, check_within
 
 Weighting = Literal["none", "range", "spread", "residual"]
 
@@ -329,7 +329,7 @@ def check_actuation(where: str, actuation: Actuation, n: int) -> None:
             if (lever := getattr(term, "lever", None)) is not None:
                 if not 0.0 < lever.arm < lever.anchor:
                     raise InputError(f"{what}: expected an arm above 0 and shorter than the anchor's distance")
-                check_within(f"{what}: lever", [lever.anchor, lever.rest, lever.angle], FARTHEST, "m or rad")
+                check_within(f"{what}: lever", [lever.anchor, lever.rest, lever.angle], MAX_LENGTH_M, "m or rad")
     if actuation.values is not None:
         count = len(actuation_terms(actuation))
         if actuation.values.shape != (count,) or not np.isfinite(actuation.values).all():

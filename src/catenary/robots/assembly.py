@@ -169,7 +169,7 @@ def _doubts(ordered: Sequence[Link], folded: "Folded", untold: Sequence[str]) ->
     for link, pose, body in zip(folded.moving, folded.poses, folded.inertia, strict=True):
         for what, vector in (("its joint", pose.position), ("its centre of mass", body.com)):
             length = float(np.linalg.norm(vector))
-            if length > plausible.FAR:
+            if length > plausible.LONG_LINK_M:
                 doubts.append(f'link "{link.name}": {what} lies {length:.4g} m away; lengths are in m')
     for link in ordered:
         if link.inertia is None or link.inertia.mass == 0.0:
@@ -305,7 +305,7 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
         as_rotation(f"{what}: {part}: rotation", pose.rotation)
         plausible.check_length(f"{what}: {part}: origin", pose.position)
     plausible.check_within(
-        f"{what}: offset", as_array(f"{what}: offset", link.offset, ()), plausible.FARTHEST, "rad or m"
+        f"{what}: offset", as_array(f"{what}: offset", link.offset, ()), plausible.MAX_LENGTH_M, "rad or m"
     )
     if link.joint == "fixed" and link.variable:
         raise InputError(f"{what}: is fixed and moves with {', '.join(link.variable)}; expected one of the two")
@@ -333,7 +333,7 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
 
 
 def file_source(path: Path, content: bytes) -> str:
-    """Return a line on which file a model comes from, so that a copy can be told from another version."""
+    """Return a line on which file a model comes from, which distinguishes a copy from another version."""
     return f"{path.name}, sha256 {sha256(content).hexdigest()}"
 
 

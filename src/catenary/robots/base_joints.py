@@ -9,7 +9,7 @@ from catenary.robots.cut import driven_actuation
 from catenary.robots.model import Frame, RobotModel, Tree
 
 BASE_JOINTS = (*(f"base_force:{axis}" for axis in "xyz"), *(f"base_moment:{axis}" for axis in "xyz"))
-BASE_BODY = "base_body"  # what the base itself weighs, above the sensor
+_BASE_BODY = "base_body"  # what the base itself weighs, above the sensor
 
 
 def on_base_joints(model: RobotModel) -> RobotModel:
@@ -26,7 +26,7 @@ def on_base_joints(model: RobotModel) -> RobotModel:
         axis=np.tile(np.eye(3), (2, 1)), mass=np.zeros(m), com=still, inertia=np.zeros((m, 3, 3)),
     )  # fmt: skip
     after = tree._replace(parent=tree.parent + m)  # -1, the base, is the last of the six
-    links = (*(f"{name} held" for name in BASE_JOINTS[:-1]), BASE_BODY)
+    links = (*(f"{name} held" for name in BASE_JOINTS[:-1]), _BASE_BODY)
     actuation = default_actuation(model.joint_names) if model.actuation is None else model.actuation
     own = driven_actuation(model.name, actuation, np.eye(n, m + n, m), np.zeros(n))
     biases = tuple(
@@ -44,7 +44,7 @@ def on_base_joints(model: RobotModel) -> RobotModel:
         offset=np.r_[np.zeros(m), model.offset],
         **limits,
         frames={name: Frame(link + m if link >= 0 else link, pose) for name, (link, pose) in model.frames.items()},
-        missing_inertia=(BASE_BODY, *model.missing_inertia),
+        missing_inertia=(_BASE_BODY, *model.missing_inertia),
         massless=(*links[:-1], *model.massless),
         axes_of_com=np.vstack([np.ones((m, 3), dtype=bool), model.axes_of_com]),
         actuation=replace(own, friction=(*biases, *own.friction), values=None, effort_scale=None),

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
-from catenary.robots.plausible import FARTHEST
+from catenary.robots.plausible import MAX_LENGTH_M
 from catenary.spatial import Pose
 
 # [m] length up to which a segment has no direction: squares of shorter ones lose their digits
@@ -120,12 +120,12 @@ def check_form(what: str, form: Form) -> None:
         if not np.isfinite(form.vertices).all():
             raise InputError(f"{what}: a vertex of the mesh is not finite")
         return
-    if isinstance(form, Capsule) and not 0.0 <= form.length <= FARTHEST:
-        raise InputError(f"{what}: length {form.length:g} m, expected zero to {FARTHEST:g} m")
+    if isinstance(form, Capsule) and not 0.0 <= form.length <= MAX_LENGTH_M:
+        raise InputError(f"{what}: length {form.length:g} m, expected zero to {MAX_LENGTH_M:g} m")
     sizes = form.scale if isinstance(form, MeshFile) else form[:1] if isinstance(form, Capsule) else form
     for size in np.abs(sizes) if isinstance(form, MeshFile) else sizes:
-        if not 0.0 < size <= FARTHEST:
-            raise InputError(f"{what}: size {size:g}, expected above zero and at most {FARTHEST:g}")
+        if not 0.0 < size <= MAX_LENGTH_M:
+            raise InputError(f"{what}: size {size:g}, expected above zero and at most {MAX_LENGTH_M:g}")
 
 
 def capsule_between(start: Floats, end: Floats, radius: float) -> tuple[Pose, Capsule]:

@@ -30,7 +30,7 @@ _APART_M = 1e-9  # [m] from which on a loop does not close
 _DEAD_CENTRE_RATIO = 1e-5  # of singular values of A_p, below which a passive joint does not follow
 _LINEAR_SPAN = 0.2  # [rad or m] of the motors to either side, in which J is looked at
 _LINEAR = 1e-9  # by which entries of a constant J may differ
-_DECIMALS = 12  # that are kept of a constant J: what lies below is rounding
+_DECIMALS = 12  # that are kept of a constant J: smaller parts are rounding
 _PROBES = 12
 
 

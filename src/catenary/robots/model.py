@@ -13,7 +13,7 @@ from catenary.arrays import Floats, Listed, as_array, frozen
 from catenary.errors import InputError, MissingInertiaError
 from catenary.robots.actuation import Actuation
 from catenary.robots.link_inertia import LinkInertia, check_inertia, symmetric, unphysical
-from catenary.robots.plausible import FAR, HEAVY_RATIO
+from catenary.robots.plausible import HEAVY_RATIO, LONG_LINK_M
 from catenary.spatial import Pose
 from catenary.tables import OnScreen, Screen, Table
 from catenary.units import shown_rows
@@ -244,7 +244,7 @@ class RobotModel(OnScreen):
             return self
         if load > HEAVY_RATIO * (own := float(self.tree.mass.sum())) > 0.0:
             _log.warning("%s: payload of %g kg on an arm of %.3g kg; payloads are in kg", where, load, own)
-        if np.linalg.norm(place) > FAR:
+        if np.linalg.norm(place) > LONG_LINK_M:
             _log.warning("%s: it lies %.4g m from the joint; positions are in m", where, np.linalg.norm(place))
         own = self.tree.mass[link]
         apart = place - self.tree.com[link]

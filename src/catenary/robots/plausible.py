@@ -12,12 +12,12 @@ from catenary.errors import InputError
 
 MAX_LINKS = 1_000
 MAX_MASS_KG = 1e6  # [kg] of a link; a loaded harbour crane has as much
-FARTHEST = 1e3  # [m] of any length, and [rad] of any constant angle
-MAX_INERTIA = MAX_MASS_KG * FARTHEST**2  # [kg m2]
-FAR = 10.0  # [m] from a joint to the next or to a centre of mass: no arm is so long, numbers in mm are
+MAX_LENGTH_M = 1e3  # [m] of any length, and [rad] of any constant angle
+MAX_INERTIA = MAX_MASS_KG * MAX_LENGTH_M**2  # [kg m2]
+LONG_LINK_M = 10.0  # [m] from a joint to the next or to a centre of mass: no arm is so long, numbers in mm are
 MAX_FACTOR = 1e6  # of a coordinate in a joint's: gear ratios in both directions
 HEAVY_RATIO = 10.0  # times an arm's own mass
-EARTH_GRAVITY = (9.7, 9.9)  # [m/s2] on its surface 9.76 to 9.83 (WGS 84, with altitude)
+_EARTH_GRAVITY_M_S2 = (9.7, 9.9)  # [m/s2] on its surface 9.76 to 9.83 (WGS 84, with altitude)
 _MAX_NAME_LENGTH = 500
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 
@@ -73,7 +73,7 @@ def check_within(what: str, values: ArrayLike, most: float, unit: str) -> None:
 
 def check_length(what: str, vector: ArrayLike) -> None:
     """Refuse a vector (3,) [m] that is longer in any direction than a robot is."""
-    check_within(what, as_array(what, vector, (3,)), FARTHEST, "m")
+    check_within(what, as_array(what, vector, (3,)), MAX_LENGTH_M, "m")
 
 
 def gravity_doubts(gravity: ArrayLike, *, hanging: bool = False) -> list[str]:
@@ -86,10 +86,10 @@ def gravity_doubts(gravity: ArrayLike, *, hanging: bool = False) -> list[str]:
     vector = as_array("gravity", gravity, (3,))
     length, shown = float(np.linalg.norm(vector)), ", ".join(f"{v:.4g}" for v in vector)
     doubts = []
-    if not EARTH_GRAVITY[0] <= length <= EARTH_GRAVITY[1]:
+    if not _EARTH_GRAVITY_M_S2[0] <= length <= _EARTH_GRAVITY_M_S2[1]:
         doubts.append(
-            f"gravity ({shown}) has a magnitude of {length:.4g} m/s2, on Earth it is {EARTH_GRAVITY[0]} to "
-            f"{EARTH_GRAVITY[1]}: right for another planet or a base that accelerates only"
+            f"gravity ({shown}) has a magnitude of {length:.4g} m/s2, on Earth it is {_EARTH_GRAVITY_M_S2[0]} to "
+            f"{_EARTH_GRAVITY_M_S2[1]}: right for another planet or a base that accelerates only"
         )
     if vector[2] > 0.0 and not hanging:
         doubts.append(

@@ -40,8 +40,8 @@ def quarter_turn_notes(names: tuple[str, ...], tree: Tree, offset: Floats) -> li
     off = _turns_off(tree, offset)
     those = (off > _ROUNDING_RAD) & (off <= _WITHIN_RAD)
     links = [name for name, mine in zip(names, those, strict=True) if mine.any()]
-    told = f"quarter turns, to within {off[those].max(initial=0.0):.1e} rad, are exact in formulas"
-    return [f"{told} ({', '.join(links)})"] if links else []
+    note = f"quarter turns, to within {off[those].max(initial=0.0):.1e} rad, are exact in formulas"
+    return [f"{note} ({', '.join(links)})"] if links else []
 
 
 def _turns_off(tree: Tree, offset: Floats) -> Floats:

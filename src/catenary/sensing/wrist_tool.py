@@ -19,7 +19,7 @@ from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.errors import ConfigError, ExcitationError, InputError
 from catenary.files import write_atomically
 from catenary.robots.link_inertia import LinkInertia, check_inertia, symmetric
-from catenary.robots.plausible import FAR
+from catenary.robots.plausible import LONG_LINK_M
 from catenary.spatial import Pose, angle_between, as_rotation, rotation_vector
 from catenary.verdict.finding import Finding
 
@@ -114,10 +114,10 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
     if not mass > 0.0:
         raise InputError(f"wrist tool: mass {mass:.3g} kg: the sensor counts forces the other way, or has other axes")
     center = moment / mass
-    if mass > _HEAVIEST_KG or np.linalg.norm(center) > FAR:
+    if mass > _HEAVIEST_KG or np.linalg.norm(center) > LONG_LINK_M:
         raise InputError(
             f"wrist tool: mass {mass:.4g} kg, centre of mass {np.linalg.norm(center):.4g} m away: expected at most "
-            f"{_HEAVIEST_KG:g} kg and {FAR:g} m; forces are in N (not mN or kN), torques in Nm, gravity in m/s2"
+            f"{_HEAVIEST_KG:g} kg and {LONG_LINK_M:g} m; forces are in N (not mN or kN), torques in Nm, gravity in m/s2"
         )
     deviation = np.sqrt(np.diag(covariance))
     of_center = np.hypot(deviation[1:4], center * deviation[0]) / mass

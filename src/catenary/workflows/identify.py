@@ -96,7 +96,7 @@ def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
     return replace(log, joint_names=model.joint_names, joint_units=model.joint_units, notes=notes, **arrays)
 
 
-STEADY = 0.7  # of the RMS, and of the interval, from which on a mean is a torque that was there all along
+STEADY_SHARE = 0.7  # of the RMS, and of the interval, from which on a mean is a torque that was there all along
 WRENCH = (*(f"force:{axis} [N]" for axis in "xyz"), *(f"moment:{axis} [Nm]" for axis in "xyz"))
 
 
@@ -183,7 +183,7 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
     if not np.isfinite(wrench).any():
         notes.append(f"{result.model.n} joints tell no force on {result.model.tip} apart from its other parts")
     for k, (name, mean) in enumerate(zip(result.model.joint_names, torque.mean(axis=0), strict=True)):
-        if abs(mean) > STEADY * max(half_width[k], rms(torque)[k]):
+        if abs(mean) > STEADY_SHARE * max(half_width[k], rms(torque)[k]):
             unit = TORQUE_UNIT[result.model.joint_units[k]]
             notes.append(
                 f"{name}: {mean:+.3g} {unit} all along: a zero of its torque that shifted looks like a steady push; "
@@ -193,7 +193,7 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
     return ExternalTorques(pushed.name, result.model, pushed.time, *found)
 
 
-POOR = 0.6  # relative residual from which on it is asked whether two axes are swapped
+_POOR_RESIDUAL = 0.6  # relative residual from which on it is asked whether two axes are swapped
 
 
 @dataclass(frozen=True)
@@ -343,7 +343,7 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
     yield from (f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons)
     for residual in (*result.training, *result.tests):
         left = zip(result.model.joint_names, residual.relative_rms, strict=True)
-        if poor := [f"{name} ({share:.2f} of it is left)" for name, share in left if share > POOR]:
+        if poor := [f"{name} ({share:.2f} of it is left)" for name, share in left if share > _POOR_RESIDUAL]:
             yield f"{residual.log}: little of the torque is explained of {', '.join(poor)}"
     yield from mass_doubts(result.robot(), described=model) if result.phi is not None else ()
     by_kind: dict[str, list[str]] = {}
@@ -470,7 +470,7 @@ def _read(
     return result, samples, notes, read
 
 
-SENSED = ("fx", "fy", "fz", "tx", "ty", "tz")  # [N], [Nm] in the sensor's axes
+WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")  # [N], [Nm] in the sensor's axes
 
 
 def wrist_tool_of_file(
@@ -481,7 +481,7 @@ def wrist_tool_of_file(
     Returns what was found, and notes on what was accepted of it.
     The arm carries the sensor on a frame, its tip when None; gravity (3,) is in base axes [m/s2].
     """
-    rows = read_rows(path, (*model.joint_names, *SENSED))
+    rows = read_rows(path, (*model.joint_names, *WRENCH_AXES))
     q, force, torque = np.split(rows, [model.n, model.n + 3], axis=1)
     tool, doubts = weigh_tool(force, torque, forward_kinematics(model, q, frame), gravity)
     return tool, judge([(path.name, each) for each in doubts], accept, done="weighed")

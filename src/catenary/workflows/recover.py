@@ -18,7 +18,7 @@ from catenary.recording.bag_stream import BagStream, Source
 from catenary.recording.bag_writer import ROS2_VERSION, copy_messages
 from catenary.recording.journal import JournalWriter
 
-UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a type that only the bag defines
+_UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a type that only the bag defines
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def _write_bag(source: Source, part: Path, *, is_bag: bool) -> None:
     with BagWriter(part) if is_bag else McapWriter(part, **mcap) as bag:
         to = {}
         for topic, name, md5, definition in source.connections.values():
-            how: dict[str, Any] = {"rihs01": UNKNOWN_HASH, "serialization_format": source.encoding}
+            how: dict[str, Any] = {"rihs01": _UNKNOWN_HASH, "serialization_format": source.encoding}
             how = {"md5sum": md5} if is_bag else how
             spelt = name.replace("/", "/msg/") if is_bag else name
             to[topic] = bag, bag.add_connection(topic, spelt, msgdef=definition, **how)

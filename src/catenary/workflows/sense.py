@@ -220,9 +220,9 @@ def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> S
     )
 
 
-BLOCK = 0.25  # [s] over which a recorded sensor is still or not
-SHORTEST = 1.0  # [s] of a rest
-SHAKEN = 0.2  # [m/s2] that hands leave which turn a sensor
+BLOCK_S = 0.25  # [s] over which a recorded sensor is still or not
+MIN_REST_S = 1.0  # [s] of a rest
+_SHAKEN_M_S2 = 0.2  # [m/s2] that hands leave which turn a sensor
 _UNKNOWN = Mounting()
 
 
@@ -237,7 +237,7 @@ class Attitude(NamedTuple):
 
 
 _HALF = 0.57735  # 1 / sqrt(3)
-SIDES = (
+_SIDES = (
     Attitude("+x up", "hold the sensor still with its x axis up", (1, 0, 0)),
     Attitude("-x up", "turn it over: x axis down", (-1, 0, 0)),
     Attitude("+y up", "its y axis up", (0, 1, 0)),
@@ -245,13 +245,13 @@ SIDES = (
     Attitude("+z up", "its z axis up", (0, 0, 1)),
     Attitude("-z up", "its z axis down", (0, 0, -1)),
 )
-SLANTED = (
+_SLANTED_ATTITUDES = (
     Attitude("slanted 1", "slanted, any way you like", (_HALF, _HALF, _HALF)),
     Attitude("slanted 2", "slanted another way", (-_HALF, _HALF, -_HALF)),
     Attitude("slanted 3", "slanted a third way", (_HALF, -_HALF, -_HALF)),
 )
 _TILT = "by 10 degrees or more"
-MOUNTED = (
+_MOUNTED_ATTITUDES = (
     Attitude("level", "mount it on the robot's base; base level", (0, 0, 1), mounted=True),
     Attitude("rolled", f"tilt the base about its x axis {_TILT}, y side up", (0, 0.34202, 0.93969), mounted=True),
     Attitude(
@@ -259,7 +259,7 @@ MOUNTED = (
         mounted=True,
     ),
 )  # fmt: skip
-ATTITUDES = (*SIDES, *SLANTED, *MOUNTED)
+ATTITUDES = (*_SIDES, *_SLANTED_ATTITUDES, *_MOUNTED_ATTITUDES)
 
 
 @dataclass(frozen=True)
@@ -282,14 +282,14 @@ def run_tumble(
     turns check the gyroscope.
     """
     readings = {attitude.name: read(attitude) for attitude in ATTITUDES}
-    by_hand = np.array([readings[s.name].force for s in (*SIDES, *SLANTED)])
-    sides = np.array([s.up for s in SIDES], dtype=float)
+    by_hand = np.array([readings[s.name].force for s in (*_SIDES, *_SLANTED_ATTITUDES)])
+    sides = np.array([s.up for s in _SIDES], dtype=float)
     fit = fit_tumble(by_hand)
     faults = list(fit.faults)
     # a unit that is wrong says nothing about axes; sides that are missing may
     if not fit.faults or fit.missing:
         faults += [f"on its sides: {f}" for f in align(by_hand[:6], sides, expected=np.eye(3)).faults]
-    mounted = [readings[s.name].force for s in MOUNTED]
+    mounted = [readings[s.name].force for s in _MOUNTED_ATTITUDES]
     corrected = [(y - fit.bias) / fit.scale for y in mounted]
     rows, up = level_and_tilts(*corrected)
     rough = align(rows[:2], up[:2]).rotation  # two directions never show a mirror; the third then does
@@ -351,7 +351,7 @@ def rests(recording: ImuRecording) -> list[StillReading]:
     found: list[StillReading] = []
     for rows in rest_rows(recording):
         time = recording.time[rows]
-        inner = rows[(time >= time[0] + BLOCK) & (time <= time[-1] - BLOCK)]
+        inner = rows[(time >= time[0] + BLOCK_S) & (time <= time[-1] - BLOCK_S)]
         rate = None if recording.rate is None else np.median(recording.rate[inner], axis=0)
         found.append(StillReading(recording.force[inner].mean(axis=0), rate))
     return found
@@ -359,7 +359,7 @@ def rests(recording: ImuRecording) -> list[StillReading]:
 
 def rest_rows(recording: ImuRecording) -> list[NDArray[np.intp]]:
     """Return the rows of each piece of a second or more in which a sensor stood still."""
-    time, numbers = recording.time, np.floor(recording.time / BLOCK).astype(int)
+    time, numbers = recording.time, np.floor(recording.time / BLOCK_S).astype(int)
     found: list[list[int]] = [[]]
     for number in np.unique(numbers):
         here = np.flatnonzero(numbers == number).tolist()
@@ -373,7 +373,7 @@ def rest_rows(recording: ImuRecording) -> list[NDArray[np.intp]]:
             found.append([])
         if still:
             found[-1] += here
-    return [np.array(rows) for rows in found if rows and time[rows[-1]] - time[rows[0]] >= SHORTEST - BLOCK]
+    return [np.array(rows) for rows in found if rows and time[rows[-1]] - time[rows[0]] >= MIN_REST_S - BLOCK_S]
 
 
 def up_of_tilts(tilts_deg: ArrayLike) -> Floats:
@@ -400,7 +400,7 @@ def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting = _
     still = rests(recording)
     if len(still) != len(up):
         raise InputError(
-            f"the recording has {len(still)} rests of {SHORTEST:g} s or more, the orientations are {len(up)}: "
+            f"the recording has {len(still)} rests of {MIN_REST_S:g} s or more, the orientations are {len(up)}: "
             "expected as many, in the same order"
         )
     fit = fit_orientations([s.force for s in still], up)
@@ -422,9 +422,9 @@ def check_gyroscope(recording: ImuRecording) -> tuple[list[str], bool]:
         good = np.isfinite(recording.force[part]).all(axis=1) & np.isfinite(rate).all(axis=1)
         good &= np.diff(time, prepend=-np.inf) > 0.0
         time, rate = time[good], rate[good]
-        if len(time) > 2 and np.diff(time).max() < BLOCK:
+        if len(time) > 2 and np.diff(time).max() < BLOCK_S:
             pieces.append(SensedTurn(time, integral(time, -recording.force[part][good]), time, integral(time, rate)))
-    found = compare(pieces, np.zeros(3), drift=SHAKEN)
+    found = compare(pieces, np.zeros(3), drift=_SHAKEN_M_S2)
     if found.fault is not Fault.NONE:
         return [f"{found.fault.message}; {found.remedy}".rstrip("; ")], False
     noise = np.median([np.std(np.diff(recording.rate[r], axis=0), axis=0) for r in rows], axis=0) / np.sqrt(2.0)

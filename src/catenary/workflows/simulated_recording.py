@@ -14,12 +14,12 @@ from catenary.simulation.firmware_plant import FirmwarePlant, Log
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.trajectories.reference import Trajectory
 
-STATE_RATE = 30.0  # [Hz] at which the paper recorded raven_state
-ENCODER_TICKS = 10  # of 1 ms between samples of the external encoders
-STAMP_JITTER = 0.3  # of the period, either way
-CHUNK = 60_000  # ticks whose full log is held at once
-APPROACH_TICKS = 4_000  # to the start of a motion
-CALIBRATED = 3  # positioning joints; the rest are the tool's
+_STATE_RATE_HZ = 30.0  # [Hz] at which the paper recorded raven_state
+_ENCODER_TICKS = 10  # of 1 ms between samples of the external encoders
+_STAMP_JITTER = 0.3  # of the period, either way
+CHUNK_TICKS = 60_000  # ticks whose full log is held at once
+_APPROACH_TICKS = 4_000  # to the start of a motion
+CALIBRATED_JOINTS = 3  # positioning joints; the rest are the tool's
 
 
 def record_simulated(
@@ -28,7 +28,7 @@ def record_simulated(
     name: str,
     rng: np.random.Generator,
     *,
-    state_rate: float = STATE_RATE,
+    state_rate: float = _STATE_RATE_HZ,
     columns: Sequence[str] = (),
     beside: CablePlant | None = None,
 ) -> MotionLog:
@@ -53,7 +53,7 @@ def record_simulated(
     further: list[dict[str, Floats]] = []
     units: dict[str, str] = {}
     last = 0
-    for log, _ in driven(plant, trajectory, CHUNK):
+    for log, _ in driven(plant, trajectory, CHUNK_TICKS):
         first, last = last, last + len(log.q)
         here = stamps[(stamps >= first) & (stamps < last)] - first
         held = None if beside is None else beside.run(np.full((last - first, len(JOINTS)), np.nan))[here]
@@ -63,22 +63,22 @@ def record_simulated(
             told = of_both_arms(plant, log[here], beside, held)
             signals, units = _state_signals(plant, told, len(here), columns)
             further.append(signals)
-        seen = np.arange(0, last - first, ENCODER_TICKS)
+        seen = np.arange(0, last - first, _ENCODER_TICKS)
         positions = plant.encoders.positions(plant.encoders.counts(log.q[seen]))
-        encoder.append(np.column_stack([np.interp(here, seen, positions[:, j]) for j in range(CALIBRATED)]))
+        encoder.append(np.column_stack([np.interp(here, seen, positions[:, j]) for j in range(CALIBRATED_JOINTS)]))
     q, tau = np.concatenate(joint), np.concatenate(torque)
-    tools, nothing = JOINTS[CALIBRATED:], np.zeros(len(q))
+    tools, nothing = JOINTS[CALIBRATED_JOINTS:], np.zeros(len(q))
     return MotionLog(
         name=name,
-        joint_names=JOINTS[:CALIBRATED],
-        joint_units=UNITS[:CALIBRATED],
-        q_nominal=q[:, :CALIBRATED],
+        joint_names=JOINTS[:CALIBRATED_JOINTS],
+        joint_units=UNITS[:CALIBRATED_JOINTS],
+        q_nominal=q[:, :CALIBRATED_JOINTS],
         q_encoder=np.concatenate(encoder),
         ok=np.ones(len(q), dtype=bool),
         time=stamps.astype(np.float64) * PERIOD,
-        tau=tau[:, :CALIBRATED],
-        signals={f"q:{tool}": q[:, CALIBRATED + t] for t, tool in enumerate(tools)}
-        | {f"tau:{tool}": tau[:, CALIBRATED + t] for t, tool in enumerate(tools)}
+        tau=tau[:, :CALIBRATED_JOINTS],
+        signals={f"q:{tool}": q[:, CALIBRATED_JOINTS + t] for t, tool in enumerate(tools)}
+        | {f"tau:{tool}": tau[:, CALIBRATED_JOINTS + t] for t, tool in enumerate(tools)}
         | {f"q:{UNUSED_CHANNEL}": nothing, f"tau:{UNUSED_CHANNEL}": nothing}
         | {name: np.concatenate([part[name] for part in further]) for name in units},
         signal_units={f"q:{tool}": "rad" for tool in tools} | {f"tau:{tool}": "Nm" for tool in tools} | units,
@@ -113,16 +113,16 @@ def driven(plant: FirmwarePlant[Log], trajectory: Trajectory, chunk: int) -> Ite
 
 def _approach(plant: CablePlant, trajectory: Trajectory) -> None:
     """Go to the start of a motion along half a cosine, and wait there for a moment."""
-    start = plant.control.setpoint[:CALIBRATED].copy()
+    start = plant.control.setpoint[:CALIBRATED_JOINTS].copy()
     goal = trajectory(0.0).q
-    share = 0.5 * (1.0 - np.cos(np.pi * np.minimum(np.arange(1, APPROACH_TICKS + 500) / APPROACH_TICKS, 1.0)))
+    share = 0.5 * (1.0 - np.cos(np.pi * np.minimum(np.arange(1, _APPROACH_TICKS + 500) / _APPROACH_TICKS, 1.0)))
     rows = np.full((len(share), len(JOINTS)), np.nan)
-    rows[:, :CALIBRATED] = start + (goal - start) * share[:, None]
+    rows[:, :CALIBRATED_JOINTS] = start + (goal - start) * share[:, None]
     plant.run(rows)
 
 
 def _stamps(ticks: int, rate: float, rng: np.random.Generator) -> NDArray[np.int64]:
     """Ticks at which the state is sampled: at the rate, jittered, strictly rising."""
     count = int(ticks * PERIOD * rate)
-    wanted = (np.arange(count) + 0.5 + rng.uniform(-STAMP_JITTER, STAMP_JITTER, count)) / rate
+    wanted = (np.arange(count) + 0.5 + rng.uniform(-_STAMP_JITTER, _STAMP_JITTER, count)) / rate
     return np.unique(np.clip((wanted / PERIOD).astype(np.int64), 0, ticks - 1))

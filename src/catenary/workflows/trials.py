@@ -223,8 +223,8 @@ RAVEN_START = (0.8, 1.6, 0.3)
 # chance what joint 1 carries on a level base [rad, rad, m]
 HOLD_START = (1.0, 1.6, 0.4)
 POSES = 6
-REST = 1.5  # [s] at a pose
-WATCHED = 0.7  # [s] of it, at its end: the arm has come to rest
+REST_S = 1.5  # [s] at a pose
+WATCHED_S = 0.7  # [s] of it, at its end: the arm has come to rest
 
 
 class Motion(NamedTuple):
@@ -271,14 +271,14 @@ def poses_along(limits: Bounded, joint: int, positions: ArrayLike, q: ArrayLike)
     n = len(limits.joint_names)
     rows = np.tile(as_array("q", q, (n,)), (len(as_array("positions", positions, (None,))), 1))
     rows[:, joint] = positions
-    parts: list[Trajectory] = [Rest(rows[0], REST)]
-    windows = [(REST - WATCHED, REST)]
-    end = REST
+    parts: list[Trajectory] = [Rest(rows[0], REST_S)]
+    windows = [(REST_S - WATCHED_S, REST_S)]
+    end = REST_S
     for before, row in pairwise(rows):
         way = gentle_way(before, row, limits.joint_units)
-        parts += [way, Rest(row, REST)]
-        end += way.duration + REST
-        windows.append((end - WATCHED, end))
+        parts += [way, Rest(row, REST_S)]
+        end += way.duration + REST_S
+        windows.append((end - WATCHED_S, end))
     return Motion(InTurn(parts), windows)
 
 

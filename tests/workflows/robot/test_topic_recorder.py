@@ -169,7 +169,7 @@ def test_topic_that_never_comes_or_has_another_type_is_refused(tmp_path: Path) -
 
 
 def test_messages_not_collected_in_time_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(topic_recorder, "DEPTH", 100)
+    monkeypatch.setattr(topic_recorder, "QUEUE_DEPTH", 100)
     robot = RobotOnLoopback(homed_plant())
     with TopicRecorder(robot.transport, tmp_path / "r", raven_topics()) as recorder:
         robot.clock.sleep(0.12)

@@ -100,7 +100,7 @@ class Rows:
         return torque_regressor(self.model, *self.motion(supposed), gravity, base)[:, :, self._own]
 
     def torques(self, supposed: Supposed) -> Floats:
-        """Return recorded torques (N, n) in the joints' order, where they lie behind from later rows."""
+        """Return recorded torques (N, n) in the joints' order, a delay taken out."""
         late = np.zeros(self.model.n, dtype=np.int64)
         if any(supposed.late_s):
             late = np.rint(np.array(supposed.late_s) / self.step).astype(np.int64)

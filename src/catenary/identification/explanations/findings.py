@@ -1,4 +1,4 @@
-"""How an explanation is told: a note where it is the arm's, a refusal with its option where it is the recording's.
+"""Report of an explanation: a note where it is the arm's, a refusal with its option where it is the recording's.
 
 There is advice only where the mended recording is as good as a sound one: no joint is left with 30 % of its torque,
 masses are plausible, only faults of the same joints are nearly as likely, and the number that mends it is known to a
@@ -103,8 +103,8 @@ def _finding(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
 
 def _rivals(cause: Cause) -> str:
     """Return the causes that explain the recording nearly as well."""
-    told = [f"{candidate.says} (-{less:.1f})" for less, _, candidate in cause.rivals]
-    return f"; nearly as likely: {'; '.join(told)}" if told else ""
+    rivals = [f"{candidate.says} (-{less:.1f})" for less, _, candidate in cause.rivals]
+    return f"; nearly as likely: {'; '.join(rivals)}" if rivals else ""
 
 
 def _option(evidence: Evidence, remedy: str) -> str:

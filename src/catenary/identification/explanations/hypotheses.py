@@ -1,4 +1,4 @@
-"""The hypotheses about a recording of torques, one record each: what it supposes, its price, and how it is told.
+"""The hypotheses about a recording of torques, one record each: supposition, price and report.
 
 Adding one is a function that yields candidates and a record in `HYPOTHESES`. A candidate that has a number is searched
 on a grid, then by parabolas, and the evidence integrated about its best (Laplace's method); prices are the nats by
@@ -76,7 +76,7 @@ class Hypothesis:
 
     Args:
         name: It has among explanations.
-        finding: Of `FINDINGS`, that it is told as.
+        finding: Of `FINDINGS`, that it is reported as.
         price: [nats] by which each of its candidates is less likely beforehand, from the number of joints.
         candidates: What it tries.
         of_arm: It is true of the arm: a note, and no fault of the data.
@@ -167,7 +167,7 @@ def _gain(trial: Trial) -> Iterator[PossibleCause]:
         yield PossibleCause(put(u), value, says, (int(np.argmax(only)),), _scales(trial, np.exp(u * only)), std)
 
 
-_FLIPS = {  # what has the other sign: told as, and mended by
+_FLIPS = {  # what has the other sign: reported as, and mended by
     ("gains",): ("torques of {0} have the other sign", "--sign tau:{0}"),
     ("signs",): ("positions of {0} count the other way", "--sign q_nominal:{0}{{rates:--sign qd:{0}}}"),
     ("signs", "gains"): (
@@ -214,7 +214,7 @@ _MEAN = ": what is printed is a mean of before and after"
 
 
 def _added(trial: Trial, one: Added, says: str) -> PossibleCause:
-    """Return something that is added to torques as a cause, told by joint, amount and time."""
+    """Return something that is added to torques as a cause, reported with joint, amount and time."""
     supposed = replace(trial.supposed, added=(*trial.supposed.added, one))
     fit, i = trial.evidence.fit(supposed, trial.which), one.joint
     if i >= 0:
@@ -334,8 +334,8 @@ def _currents(trial: Trial) -> Iterator[PossibleCause]:
             logs[i], _, std = _integrated(put, grid, _normal(1.0, centre))
             if sweep == _CURRENT_SWEEPS - 1:
                 price -= float(np.log(std * np.sqrt(2.0 * np.pi))) + _normal(1.0, centre)(logs[i])
-    told = ", ".join(f"{name} {g:.3g}" for name, g in zip(trial.names, np.exp(-logs), strict=True))
-    says = f"torques are motor currents, or in a unit for each joint; factors to Nm are about {told}"
+    factors = ", ".join(f"{name} {g:.3g}" for name, g in zip(trial.names, np.exp(-logs), strict=True))
+    says = f"torques are motor currents, or in a unit for each joint; factors to Nm are about {factors}"
     yield trial.cause(trial.scaled(np.exp(logs)), says, tuple(range(trial.n)), _FROM_CURRENTS, price)
     limits = trial.evidence.model.effort_limit
     if (limits > 0.0).all() and np.isfinite(limits).all():
@@ -368,7 +368,7 @@ _WALLS = {
 _TILT_RAD, _WALL_RAD = np.deg2rad(6.0), np.deg2rad(10.0)  # standard deviations
 _WALL_PRICE, _TILT_STEPS = 3.0, 3
 _NAMED_RAD = np.deg2rad(10.0)
-_SURE_TILT_RAD = 0.3  # of smaller ones the error is told as of this
+_SURE_TILT_RAD = 0.3  # the error of smaller ones is reported as of this
 
 
 def _tilt(trial: Trial) -> Iterator[PossibleCause]:

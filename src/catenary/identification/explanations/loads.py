@@ -2,7 +2,7 @@
 
 What else may differ, a gain of one joint's torque or of all, a tilt of the base, zeros of torque, friction, looks like
 a load to an arm that hardly moves. So each of these is supposed beside the load, one kind at a time, and without a load
-as well: what is told is the mean over all, by how likely they are [Hoeting, Madigan, Raftery, Volinsky 1999, Bayesian
+as well: the result is the mean over all, by how likely they are [Hoeting, Madigan, Raftery, Volinsky 1999, Bayesian
 model averaging: a tutorial]. All kinds at once would widen the interval for nothing.
 """
 

@@ -23,7 +23,7 @@ class Supposed:
     position_order: tuple[int, ...]  # column of the recording that holds each joint's position
     torque_order: tuple[int, ...]  # the same of its torque
     gains: tuple[float, ...]  # (n,) of recorded torques to true ones
-    late_s: tuple[float, ...]  # (n,) [s] that torques lie behind positions
+    late_s: tuple[float, ...]  # (n,) [s], delay of torques behind positions
     gravity: tuple[float, ...] | None = None  # (3,) [m/s2] in base axes; None: as stated or recorded
     loads: tuple[int, ...] = ()  # links that carry a body which the prior of masses lacks
     shared: tuple[tuple[int, int, float], ...] = ()  # joints on one drive, and the sign of the second

@@ -21,7 +21,7 @@ from catenary.workflows.robot.operated_robot import OperatedRobot
 Check = Callable[[], str | None]  # what is still missing, as the robot reports it, or None
 PATIENCE = 60.0  # [s] until the robot must report it; as long as its encoder rig is given to register
 LOOK = 0.1  # [s] between two looks at the robot
-LATE = 1.0  # [s] in which a press of the button may still be on its way
+PRESS_DELAY_S = 1.0  # [s] in which a press of the button may still be on its way
 
 
 class Guide(Protocol):
@@ -188,7 +188,7 @@ def _stop(client: CrtkClient, error: BaseException, *, asked: bool) -> None:
     """End a homing that is under way, or that was asked for and does not show yet: disabled before, it would begin."""
     try:
         with suppress(KeyboardInterrupt):  # a second one: disable it at once
-            for _ in range(round(LATE / client.period) if asked else 0):
+            for _ in range(round(PRESS_DELAY_S / client.period) if asked else 0):
                 if client.operating_state().is_busy:
                     break
                 client.transport.sleep(client.period)

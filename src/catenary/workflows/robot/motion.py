@@ -15,9 +15,9 @@ from catenary.trajectories.reference import Reference, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to
 
-HOLD_TICKS = 20  # during which a robot is told to stay where it is
-ARRIVAL = 0.5  # [s] that a robot's setpoint gets at a motion's end to come to where it was sent last
-ARRIVED = 1e-6  # [rad|m]
+_HOLD_TICKS = 20  # during which a robot is told to stay where it is
+_ARRIVAL_S = 0.5  # [s] that a robot's setpoint gets at a motion's end to come to where it was sent last
+_ARRIVED_WITHIN = 1e-6  # [rad|m]
 
 
 @contextmanager
@@ -48,7 +48,7 @@ def paused_if_interrupted(plant: Plant) -> Iterator[None]:
 def hold(plant: Plant) -> None:
     """Hold a robot at its setpoint; one that is not enabled stands on its brakes and is left alone."""
     q = np.array(plant.setpoint_js().q)
-    for _ in range(HOLD_TICKS):
+    for _ in range(_HOLD_TICKS):
         if plant.operating_state().state != "ENABLED":
             return
         plant.servo_jp(q)
@@ -193,8 +193,8 @@ def run_trajectory(
 
 def arrive(plant: Plant, q: Floats) -> None:
     """Wait until a robot behind a transport has taken up the last setpoint (n,) [rad|m]; half a second at most."""
-    for _ in range(round(ARRIVAL / plant.period)):
-        if plant.operating_state().state != "ENABLED" or np.abs(plant.setpoint_js().q - q).max() <= ARRIVED:
+    for _ in range(round(_ARRIVAL_S / plant.period)):
+        if plant.operating_state().state != "ENABLED" or np.abs(plant.setpoint_js().q - q).max() <= _ARRIVED_WITHIN:
             return
         plant.wait()
 

@@ -19,7 +19,7 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.model import Frame, RobotModel
 from catenary.simulation.simulated_plant import PacedPlant
 
-TRUE, ENCODERS = "q_true", "ext_jpos"  # columns of a simulated robot's telemetry
+TRUE_COLUMN, _ENCODER_COLUMN = "q_true", "ext_jpos"  # columns of a simulated robot's telemetry
 
 
 class Truth(NamedTuple):
@@ -45,11 +45,11 @@ class OperatedRobot:
 
     def truth(self) -> "Truth | None":
         """Return where the model's joints really are; None but in a simulation, which alone knows."""
-        if not any(column.name == TRUE for column in self.plant.columns):
+        if not any(column.name == TRUE_COLUMN for column in self.plant.columns):
             return None
         told, n = self.plant.telemetry(), self.model.n
-        encoders = told.get(ENCODERS)
-        return Truth(np.asarray(told[TRUE][:n]), None if encoders is None else np.asarray(encoders[:n]))
+        encoders = told.get(_ENCODER_COLUMN)
+        return Truth(np.asarray(told[TRUE_COLUMN][:n]), None if encoders is None else np.asarray(encoders[:n]))
 
     def tip(self, q: Floats) -> Floats:
         """Return where the model's tip is at joints (n,) or more [rad|m], (3,) [m] in the base frame; NaN at NaN."""

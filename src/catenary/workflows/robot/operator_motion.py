@@ -45,7 +45,7 @@ from catenary.workflows.robot.operated_robot import OperatedRobot
 
 SCALE = {unit: TO_SI[unit] for unit in ("rad", "m", "deg", "mm")}
 SECONDS = {"s": 1.0, "ms": 1e-3}
-PUBLISHED_UNITS = ("rad", "rad", "m")  # of the zig-zags that RAVEN-II's group published
+_PUBLISHED_UNITS = ("rad", "rad", "m")  # of the zig-zags that RAVEN-II's group published
 _HEAD = re.compile(r"^(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]+)\]$")
 
 
@@ -110,15 +110,15 @@ def _read_text(path: Path, rows_per_second: float | None) -> MotionLog:
         raise FileFormatError(f'{path}: column "{cut(odd.name)}": expected numbers, got text{where}')
     values = np.column_stack([np.asarray(numbers, dtype=float) for numbers in columns.values()])
     if not table.head.is_named:
-        if values.shape[1] != len(PUBLISHED_UNITS):
+        if values.shape[1] != len(_PUBLISHED_UNITS):
             raise FileFormatError(
                 f"{path}: numbers without a heading, {values.shape[1]} columns: expected a heading such as "
-                f"time [s],shoulder [deg],..., or the published zig-zags' {len(PUBLISHED_UNITS)} columns in rad, rad, m"
+                f"time [s],shoulder [deg],..., or the published zig-zags' {len(_PUBLISHED_UNITS)} in rad, rad, m"
             )
         rate = ROWS_PER_SECOND if rows_per_second is None else rows_per_second
         note = f"{path.name}: no heading: taken as rad, rad, m, {rate:g} rows a second, as the published zig-zags"
         return MotionLog(
-            path.name, nameless(len(PUBLISHED_UNITS)), PUBLISHED_UNITS, values, np.ones(len(values), dtype=bool),
+            path.name, nameless(len(_PUBLISHED_UNITS)), _PUBLISHED_UNITS, values, np.ones(len(values), dtype=bool),
             time=np.arange(len(values)) / rate, units_assumed=True, notes=(note,),
         )  # fmt: skip
     heads = [_HEAD.match(name) for name in columns]
@@ -160,9 +160,9 @@ def _in_si(path: Path, names: list[str], units: list[str], time: Floats, q: Floa
 
 
 # a fifth of what a RAVEN-II's firmware lets pass, 2.5 rad/s and 0.05 m/s: a faster file was likely not meant for it
-LARGEST_VELOCITY = {"rad": 0.5, "m": 0.01}  # [rad/s], [m/s]
+MAX_VELOCITY = {"rad": 0.5, "m": 0.01}  # [rad/s], [m/s]
 # way to the start of a file that is gone without being asked twice
-NEAR = {"rad": np.deg2rad(60.0), "m": 0.15}  # [rad], [m]
+NEAR_DISTANCE = {"rad": np.deg2rad(60.0), "m": 0.15}  # [rad], [m]
 
 
 @dataclass(frozen=True)
@@ -271,17 +271,17 @@ def follow(
     plant, motion = robot.plant, along_rows(file, blend)
     names = file.joint_names if _is_named(file) else plant.joint_names[: len(file.joint_units)]
     moved = places_of(Joints(names, file.joint_units), plant, whose="the robot", of=f"{file.name} moves")
-    fastest = LARGEST_VELOCITY if largest_velocity is None else largest_velocity
+    fastest = MAX_VELOCITY if largest_velocity is None else largest_velocity
     try:
         check_motion(plant, motion, joints=names, max_velocity=[fastest[unit] for unit in file.joint_units])
     except LimitError as error:
         raise LimitError(f"{file.name}: {error}; nothing has moved") from error
     way = np.abs(motion(0.0).q - plant.setpoint_js().q[moved])
     for name, unit, far in zip(names, file.joint_units, way, strict=True):
-        if far > NEAR[unit] and not from_afar:
+        if far > NEAR_DISTANCE[unit] and not from_afar:
             raise LimitError(
                 f'{file.name}: joint "{name}" is {in_words(far, unit, 1)} from the start, '
-                f"more than {in_words(NEAR[unit], unit, 1)}; nothing has moved. "
+                f"more than {in_words(NEAR_DISTANCE[unit], unit, 1)}; nothing has moved. "
                 "Go there first (catenary goto), or say --from-afar"
             )
     return _watched(robot, run_trajectory, motion, joints=names, progress=progress)

@@ -22,8 +22,8 @@ from catenary.plant import JointState, MotionLog, fault_of, places_of
 from catenary.raven2.transmission import CALIBRATED
 from catenary.workflows.robot.operated_robot import OperatedRobot
 
-EVERY = 0.04  # [s] between two samples: 25 a second
-FIRST_STATE = 5.0  # [s] for the first one to be heard in time, while the machine is busy with starting
+PERIOD_S = 0.04  # [s] between two samples: 25 a second
+_FIRST_STATE_S = 5.0  # [s] for the first one to be heard in time, while the machine is busy with starting
 
 
 class Corrected(NamedTuple):
@@ -86,7 +86,7 @@ def watch_robot(
     robot: OperatedRobot,
     *,
     model: Path | None = None,
-    every: float = EVERY,
+    every: float = PERIOD_S,
     tick: Callable[[], object] = lambda: None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Snapshot]:
@@ -98,7 +98,7 @@ def watch_robot(
     elif isinstance(plant, CrtkReader):
         corrected = _Deployed(plant)
     states, late = EventRate(), EventRate()
-    prepared, patience = False, clock() + FIRST_STATE
+    prepared, patience = False, clock() + _FIRST_STATE_S
     seen_late, last, next_sample = robot.late(), None, clock()
     state: JointState | None = None
     while True:

@@ -37,10 +37,10 @@ from catenary.topics import Topic
 from catenary.trajectories.reference import GoneOn, Reference, Trajectory
 from catenary.workflows.robot.motion import arrive, move_to, run_trajectory
 
-DEPTH = 5000  # messages that wait between two `collect`: 5 s of a robot's topic
-TICK = 0.02  # [s] between two `collect` of a recording without a motion of ours
-CLOCK_SET = 0.1  # [s] by which the machine's clock has to be set to be noted
-SILENCE = 0.5  # [s] between two messages of a topic, or two looks at what has come, that is noted
+QUEUE_DEPTH = 5000  # messages that wait between two `collect`: 5 s of a robot's topic
+PERIOD_S = 0.02  # [s] between two `collect` of a recording without a motion of ours
+_CLOCK_SET_S = 0.1  # [s] by which the machine's clock has to be set to be noted
+SILENCE_S = 0.5  # [s] between two messages of a topic, or two looks at what has come, that is noted
 
 
 @dataclass
@@ -113,7 +113,7 @@ class TopicRecorder:
         try:
             for topic in topics:
                 source = RAVENSTATE.name if topic.name == RAVENSTATE_100HZ.name else topic.name
-                subscription = transport.subscribe(source, topic.type, depth=DEPTH)
+                subscription = transport.subscribe(source, topic.type, depth=QUEUE_DEPTH)
                 self._kept.append(_Kept(topic, subscription, TopicCount(topic.name)))
             ready(self)
             named = [JournalTopic(t.name, t.type) for t in topics]
@@ -149,7 +149,7 @@ class TopicRecorder:
                 if count.came:
                     gap = (arrival - kept.last) / SECOND
                     count.longest_gap = max(count.longest_gap, gap)
-                    if gap > max(SILENCE, 5.0 / kept.topic.rate) and not stood_still:
+                    if gap > max(SILENCE_S, 5.0 / kept.topic.rate) and not stood_still:
                         at = (kept.last - self._begin) / SECOND
                         self._note(f"topic {count.name}: nothing came for {gap:.1f} s, {at:.1f} s after the begin")
                 count.came += 1
@@ -196,7 +196,7 @@ class TopicRecorder:
         """Note in the recording that the machine's clock was set; messages come in by a clock that was not."""
         by = self._transport.clock.set_by()
         step = (by - self._set) / SECOND
-        if abs(step) < CLOCK_SET:
+        if abs(step) < _CLOCK_SET_S:
             return
         at, self._set = (self._transport.steady() - self._begin) / SECOND, by
         self._note(
@@ -208,7 +208,7 @@ class TopicRecorder:
         """Note that this program stood still, and return it: peers lose what does not wait for it in their queues."""
         now, last = self._transport.steady(), self._collected
         self._collected = now
-        if last is None or (stood := (now - last) / SECOND) <= SILENCE:
+        if last is None or (stood := (now - last) / SECOND) <= SILENCE_S:
             return False
         at = (last - self._begin) / SECOND
         self._note(f"the recorder stood still for {stood:.1f} s, {at:.1f} s after the begin; messages may be missing")
@@ -262,7 +262,7 @@ def record_topics(
     with TopicRecorder(transport, folder, topics, about=about, after=after) as recorder:
         try:
             while (elapsed := (transport.steady() - begin) / SECOND) < seconds:
-                transport.sleep(min(TICK, seconds - elapsed))
+                transport.sleep(min(PERIOD_S, seconds - elapsed))
                 recorder.collect()
                 progress(elapsed / seconds)
         except KeyboardInterrupt as stop:  # of a signal it is the name
@@ -326,7 +326,7 @@ class Along(NamedTuple):
         return min(place.time + behind, self.motion.duration)
 
 
-COLLECT_EVERY = 20  # ticks between two looks at what has come
+_COLLECT_TICKS = 20  # ticks between two looks at what has come
 _STEP_S, _SLACK_S = 0.002, 1.0  # [s] of a motion between places that are compared, and a robot may catch up by at once
 _LOOK_NS = SECOND // 5  # [ns] between setpoints that are looked at
 
@@ -347,7 +347,7 @@ def record_motion(
     def observe(_: JointState, reference: Reference, time: float) -> None:
         nonlocal tick, begun, at, sent
         tick, sent = tick + 1, reference.q
-        if tick % COLLECT_EVERY and (begun or time < motion.lead):
+        if tick % _COLLECT_TICKS and (begun or time < motion.lead):
             return
         at = motion.begin - motion.lead + place.update(client.setpoint_js().q[moved], time)
         if not begun:
