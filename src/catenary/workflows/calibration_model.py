@@ -40,7 +40,19 @@ def fit_calibration(
     reading: Reading | None = None,
     progress: Progress = silent,
 ) -> FitResult:
-    """Fit a calibration model to files of recordings; see `fit_logs`. Long ones lie on disk meanwhile."""
+    """Fit a calibration model to files of recordings; see `fit_logs`. Long ones stay on disk meanwhile.
+
+    Args:
+        paths: Recordings.
+        options: Model to fit.
+        run: Rows that the fit sees, and its tests; all rows when None.
+        reading: Mapping and corrections of the recordings.
+        progress: Called with the share done, 0 to 1.
+
+    Raises:
+        DataError: Something is wrong with the recordings.
+        FileFormatError: A recording is missing or damaged.
+    """
     return fit_logs(read_to_fit(paths, reading), options, run, progress=progress)
 
 
@@ -142,9 +154,19 @@ def held_against(
     max_error: tuple[float, ...] | None = None,
     own: str | None = None,
 ) -> HeldAgainst:
-    """Read a model and recordings, third-party ones by their mapping; what states no names or units has the model's.
-    `accept` names findings to go on with. Rows beyond `max_error`, per joint in deg and mm, are left out; as in the
-    model's fit when None.
+    """Read a model and recordings to evaluate it on; names and units that a recording lacks are the model's.
+
+    Args:
+        model_path: The model.
+        paths: Recordings.
+        reading: Mapping and corrections of the recordings.
+        accept: Names of findings to continue despite.
+        max_error: Rows with larger errors are left out, per joint in deg and mm; as in the model's fit when None.
+        own: Class or function of a model of your own, "module:name".
+
+    Raises:
+        DataError: Something is wrong with the recordings.
+        FileFormatError: A file is missing or damaged.
     """
     model, card = load_model(model_path, own)
     logs = recordings_for(model, paths, reading)
@@ -164,10 +186,17 @@ def recordings_for(
 
 
 def recording_for(model: CalibrationModel | MotionLog | None, path: Path, reading: Reading | None = None) -> MotionLog:
-    """Read a recording, by a mapping or as it is, and mend it as asked, and as the model's training data were.
+    """Read a recording and correct it as asked, and as the model's training data were.
 
-    Names and units of joints are those of the model, or of a recording that one will be fitted to, where the recording
-    states none; None reads it by itself.
+    Args:
+        model: Model, or recording that a model is fitted to, whose joint names and units hold where the recording
+            states none; the recording alone when None.
+        path: The recording.
+        reading: Mapping and corrections.
+
+    Raises:
+        FileFormatError: The file is missing or damaged.
+        InputError: Its joints are others.
     """
     reading = reading if reading is not None else Reading()
     if model is None:
@@ -214,7 +243,12 @@ def known_errors(card: Card) -> Floats | None:
 
 
 def card_history(paths: Sequence[Path], factor: float = DRIFT_FACTOR) -> DriftFound:
-    """Return what cards of models, or of files beside them, tell of errors, delays and zeros over days."""
+    """Return the history of errors, delays and zeros over days, from cards.
+
+    Args:
+        paths: Models, or cards beside them.
+        factor: Ratio of errors from which on a model counts as drifted.
+    """
     cards = [
         json_table(read_bounded(path, MOST_JSON), str(path)) if path.suffix == ".json" else load_model(path)[1]
         for path in paths
@@ -224,7 +258,12 @@ def card_history(paths: Sequence[Path], factor: float = DRIFT_FACTOR) -> DriftFo
 
 
 def drift_summary(found: DriftFound, notes: Sequence[str] = ()) -> dict[str, Any]:
-    """Return what was found as plain data, errors in deg and mm."""
+    """Return a drift report as plain data, errors in deg and mm.
+
+    Args:
+        found: The report.
+        notes: Further sentences.
+    """
     return {
         "joints": found.joint_names,
         "judged_by": found.judged_by,

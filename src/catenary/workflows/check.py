@@ -292,10 +292,14 @@ def check_file(
     max_error: tuple[float, ...] | None = None,
     typed: tuple[str, ...] = (),
 ) -> FileReport:
-    """Find out what a file (or a catalogue name) is, and what is wrong with it.
-    `reading` is what a recording does not say of itself, and how it is mended; `robot` its robot's name or file, its
-    own when None. Rows beyond `max_error`, per joint in deg and mm, are left out. `typed` goes into the command to use
-    next.
+    """Identify a file (or catalogue name), and report findings about it.
+
+    Args:
+        source: Path or name.
+        reading: Mapping and corrections of a recording.
+        robot: The recording's robot, catalogue name or file; its own when None.
+        max_error: Rows with larger errors are left out, per joint in deg and mm.
+        typed: Options to repeat in the suggested next command.
     """
     path = Path(source)
     reading = reading if reading is not None else Reading()

@@ -95,10 +95,19 @@ def design_excitation(
     static: int | None = None,
     **shape: Any,
 ) -> DesignedMotion:
-    """Design so many `static` poses, or when None a motion, within limits, apart from whatever it could hit.
+    """Design static poses or a motion that excite a robot's parameters, within limits and clear of obstacles.
 
-    Gravity is (3,) [m/s2] in base axes, `shape` a motion's period, harmonics, rate and trials (`fourier_motion`).
-    LimitError: no motion was found that keeps all limits.
+    Args:
+        model: The robot.
+        room: Limits of position, velocity, acceleration and torque.
+        around: Obstacles and margins.
+        rng: Source of randomness.
+        gravity: Free-fall acceleration in base axes (3,) [m/s2].
+        static: Number of poses to hold; a motion when None.
+        **shape: Period, harmonics, rate and trials of a motion (`fourier_motion`).
+
+    Raises:
+        LimitError: No motion was found that keeps all limits.
     """
     limits, notes = _limits(model, room, around, gravity, rng)
     if static is not None:
@@ -138,7 +147,16 @@ def _limits(
 
 
 def write_motion(path: Path, joints: Jointed, time: Floats, q: Floats, qd: Floats, qdd: Floats) -> None:
-    """Write N rows: `t`, `q`, `dq`, `ddq`, `joint_names`, `units` as .npz, or as .csv by its name."""
+    """Write a motion with `t`, `q`, `dq`, `ddq`, `joint_names` and `units` as .npz, or as .csv, by the file's suffix.
+
+    Args:
+        path: The file.
+        joints: Names and units.
+        time: Times (N,) [s].
+        q: Positions (N, n) [rad or m].
+        qd: Velocities, as `q`.
+        qdd: Accelerations, as `q`.
+    """
     if path.suffix.lower() == ".csv":
         named = list(zip(joints.joint_names, joints.joint_units, strict=True))
         kinds = (("q", ""), ("dq", "/s"), ("ddq", "/s2"))
@@ -154,7 +172,14 @@ def write_motion(path: Path, joints: Jointed, time: Floats, q: Floats, qd: Float
 
 
 def write_trajectory(design: Excitation, joint_names: Sequence[str], path: Path, *, ros: int = 2) -> None:
-    """Write a motion as ROS 1's or 2's trajectory_msgs/JointTrajectory: JSON, and YAML too, a point on each line."""
+    """Write a motion as a trajectory_msgs/JointTrajectory: JSON, which is YAML too, a point on each line.
+
+    Args:
+        design: The motion.
+        joint_names: Names of its joints.
+        path: The file.
+        ros: Version of ROS, 1 or 2.
+    """
     if design.terms == "static":
         raise InputError("a trajectory is a motion: expected none of poses to hold")
     seconds, nanoseconds = ("secs", "nsecs") if ros == 1 else ("sec", "nanosec")

@@ -386,9 +386,19 @@ def payload_of_files(
     unloaded: Sequence[Path] = (),
     **how: Any,
 ) -> PayloadResult:
-    """Estimate the payload of an arm from recordings and the parameters identified without it.
-    Recordings are judged first: torques of another sign or unit than those identified are no payload, unless `accept`
-    names the finding (DataError). `at` is its frame and place in it (3,) [m], if known.
+    """Estimate the payload of an identified arm from recordings.
+
+    Recordings are judged first: torques of another sign or unit than in the identification are no payload.
+
+    Args:
+        logs: Recordings with the payload.
+        model: Identification of the arm without it.
+        at: Frame, and the payload's place in it (3,) [m], if known.
+        unloaded: Recordings without the payload, of the same day.
+        **how: Mapping, corrections and accepted findings.
+
+    Raises:
+        DataError: A finding about the recordings is not accepted.
     """
     result, samples, notes = _read_for(model, (*logs, *unloaded), of_arm=False, **how)  # of a load the estimate tells
     loaded, empty = samples[: len(logs)], samples[len(logs) :]
@@ -401,7 +411,14 @@ def payload_of_files(
 
 
 def external_torques_of_file(log: Path, model: Path, *, unloaded: Sequence[Path] = (), **how: Any) -> ExternalTorques:
-    """Find what something outside asks of an arm's joints in a recording; arguments as `payload_of_files`."""
+    """Estimate the external torques on an arm's joints in a recording.
+
+    Args:
+        log: The recording.
+        model: Identification of the arm.
+        unloaded: Recordings without external torques, of the same day.
+        **how: Mapping, corrections and accepted findings.
+    """
     result, samples, notes = _read_for(model, (log, *unloaded), **how)
     found = external_torques(result, samples[0], samples[1:])
     return replace(found, notes=(*notes, *found.notes))
@@ -417,9 +434,17 @@ class ArmChange(NamedTuple):
 
 
 def changes_of_files(model: Path, logs: Sequence[Path], **how: Any) -> tuple[list[ArmChange], list[str]]:
-    """Return how an identified arm has changed by recordings of it, zeros, gains, loads and friction, and notes.
+    """Estimate the changes of an identified arm from later recordings: zeros, gains, loads and friction.
 
-    Arguments as `payload_of_files`. Nothing is refused that the arm itself may have become.
+    Changes that the arm itself may have undergone are not refused.
+
+    Args:
+        model: Identification of the arm.
+        logs: Later recordings.
+        **how: Mapping, corrections and accepted findings.
+
+    Returns:
+        The changes, and notes.
     """
     result, samples, notes, read = _read(model, logs, **how)
     found = [(part.name, each) for part in samples for each in findings_against(result, part)]
@@ -476,10 +501,17 @@ WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")  # [N], [Nm] in the sensor's 
 def wrist_tool_of_file(
     path: Path, model: RobotModel, frame: str | None, gravity: ArrayLike, accept: Sequence[str] = ()
 ) -> tuple[WristTool, list[str]]:
-    """Weigh a tool by a table with a row for each pose at rest: joints by name, and SENSED.
+    """Identify a tool at a force/torque sensor from a table with a row for each pose at rest.
 
-    Returns what was found, and notes on what was accepted of it.
-    The arm carries the sensor on a frame, its tip when None; gravity (3,) is in base axes [m/s2].
+    Args:
+        path: Table with columns of the joints by name [rad|m], and `WRENCH_AXES` [N, Nm].
+        model: The arm.
+        frame: Frame that carries the sensor; the tip when None.
+        gravity: Free-fall acceleration in base axes (3,) [m/s2].
+        accept: Names of findings to continue despite.
+
+    Returns:
+        The tool, and notes on accepted findings.
     """
     rows = read_rows(path, (*model.joint_names, *WRENCH_AXES))
     q, force, torque = np.split(rows, [model.n, model.n + 3], axis=1)

@@ -101,9 +101,14 @@ class ImportedLog:
 def import_to_file(
     out: Path, sources: Sequence[Path], mapping: MappingLike | None = None, *, robot: str | None = None, **how: Any
 ) -> ImportedLog:
-    """Write the motion log of a recording; a long text table piece by piece, so that its memory is that of a piece.
+    """Import a recording into a motion log file; a long text table piece by piece, within the memory of one piece.
 
-    Arguments are those of `import_recording`; `progress` is told the share of a file that was read.
+    Args:
+        out: Motion log to write (.parquet).
+        sources: Files of the recording.
+        mapping: Columns of each quantity, as of `import_recording`.
+        robot: Catalogue name or file.
+        **how: Further arguments of `import_recording`; `progress` is called with the share of a file that was read.
     """
     opened = _opened(sources, mapping, robot=robot, **how)
     left: tuple[str, ...] = ()
@@ -159,7 +164,12 @@ def propose_mapping(
 
 
 def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | None:
-    """Return the layout of a file that needs no mapping, in words; None for others."""
+    """Return the name of a file's layout if it needs no mapping, else None.
+
+    Args:
+        paths: Files of one recording.
+        robot: Catalogue name or file.
+    """
     found = layout_of_files(paths)
     return None if found == TORQUE_LOG and robot is None else found
 

@@ -37,10 +37,16 @@ class Recovery:
 
 
 def recover(path: Path, out: Path | None = None) -> Recovery:
-    """Write what is whole of a damaged recording as one of the same kind, in the same order; `path` stays as it is.
+    """Write the undamaged part of a recording as one of the same kind, in the same order; the original stays.
 
-    Journals and ROS 2 bags are folders, or one of their files, and become a folder `out`, a ROS 1 bag a .bag;
-    NAME.recovered beside it when None.
+    Args:
+        path: Journal or ROS 2 bag, a folder or one of its files, or ROS 1 bag.
+        out: Folder, or .bag, to write; NAME.recovered beside `path` when None.
+
+    Raises:
+        FileFormatError: Nothing in it can be read.
+        InputError: `out` exists, or is of another kind.
+        RecordingError: It cannot be written.
     """
     source = _opened(path)
     is_bag = isinstance(source, BagStream) and source.is_ros1

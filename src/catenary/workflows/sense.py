@@ -72,7 +72,12 @@ class Feed:
 
 
 def simulated_feed(sensor: SimulatedSensor, *, paced: bool = False) -> Feed:
-    """Return the samples of a simulated sensor, in its own time or, when paced, in real time."""
+    """Return the samples of a simulated sensor.
+
+    Args:
+        sensor: The sensor.
+        paced: Whether they come in real time; otherwise in the sensor's own.
+    """
     return Feed(sensor.mailbox, sensor.model.has_gyroscope, deliver=sensor.advance, paced=paced)
 
 
@@ -143,9 +148,13 @@ def watch(
     *,
     show: Callable[[GravityReading, float], None] = lambda reading, time: None,
 ) -> SenseSummary:
-    """Read a source every 5 ms for a duration [s]; infinity goes on until Ctrl-C, and then sums up.
+    """Read a gravity source every 5 ms, and summarise.
 
-    `show` is called with each reading and the time since the start [s].
+    Args:
+        feed: Samples.
+        source: Estimator of gravity.
+        duration: Time [s]; infinity runs until Ctrl-C.
+        show: Called with each reading and the time since the start [s].
     """
     if not duration > 0.0:
         raise InputError(f"duration: expected more than 0 s, got {duration}")
@@ -193,7 +202,16 @@ class StillReading:
 
 
 def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> StillReading:
-    """Wait until the sensor is still for a while, and return its means."""
+    """Wait until a sensor is still, and return its mean readings.
+
+    Args:
+        feed: Samples.
+        seconds: Time that it must be still [s].
+        patience: Longest wait [s].
+
+    Raises:
+        SensorError: It was not still in that time.
+    """
     _take_all(feed)  # from before
     begin, noise = feed.now(), np.full(3, np.nan)
     forces, rates, start = list[Floats](), list[Floats](), begin
@@ -274,12 +292,15 @@ class TumbleOutcome:
 def run_tumble(
     read: Callable[[Attitude], StillReading], *, start: Mounting = _UNKNOWN, taken: Sequence[SensorSample] = ()
 ) -> TumbleOutcome:
-    """Go through all attitudes and compute bias, scale, rotation and the gyroscope's bias.
+    """Calibrate a sensor by a sequence of attitudes: bias, scale, rotation and the gyroscope's bias.
 
     The sides show a wrong sign or order of axes against those printed on the sensor; the slanted attitudes leave a
-    residual; the mounted ones give the rotation, from the base's level and two tilts that nobody needs to measure.
-    `start` is what is known already: position, ranges, name. Of all samples `taken`, also between the attitudes, the
-    turns check the gyroscope.
+    residual; the mounted ones give the rotation, from the base's level and two tilts that need no measurement.
+
+    Args:
+        read: Returns the readings in an attitude.
+        start: What is known beforehand: position, ranges, name.
+        taken: All samples, also between the attitudes, whose turns check the gyroscope.
     """
     readings = {attitude.name: read(attitude) for attitude in ATTITUDES}
     by_hand = np.array([readings[s.name].force for s in (*_SIDES, *_SLANTED_ATTITUDES)])
@@ -328,7 +349,12 @@ def _as_recording(taken: Sequence[SensorSample]) -> ImuRecording:
 
 
 def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude], StillReading]:
-    """Return a function that reads a simulated sensor in an attitude, as if a person held it so."""
+    """Return a function that reads a simulated sensor in an attitude, as if held by hand.
+
+    Args:
+        model: Errors and noise of the sensor.
+        seed: Seed of the noise.
+    """
 
     def read(attitude: Attitude) -> StillReading:
         up = np.array(attitude.up, dtype=float)
@@ -382,10 +408,18 @@ def up_of_tilts(tilts_deg: ArrayLike) -> Floats:
 
 
 def read_orientations(path: Path, model: RobotModel | None = None, frame: str | None = None) -> Floats:
-    """Read how a sensor was turned while it rested, a row each, and return where up was (N, 3).
+    """Read a table of a resting sensor's orientations.
 
-    The table has columns roll_deg and pitch_deg of the whole robot, or the joints [rad|m] by name of the arm on a level
-    base that carries the sensor on a frame, its tip when None.
+    It has columns roll_deg and pitch_deg of the whole robot, or the joints [rad|m] by name of the arm, on a level base,
+    that carries the sensor.
+
+    Args:
+        path: The table.
+        model: The arm.
+        frame: Frame that carries the sensor; the tip when None.
+
+    Returns:
+        Direction of up in the sensor's base (N, 3).
     """
     if model is None:
         return up_of_tilts(read_rows(path, ("roll_deg", "pitch_deg")))
@@ -393,9 +427,12 @@ def read_orientations(path: Path, model: RobotModel | None = None, frame: str | 
 
 
 def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting = _UNKNOWN) -> TumbleOutcome:
-    """Compute mounting and bias of a recorded sensor that rested for a second or more in known orientations, in order.
+    """Calibrate mounting and bias of a recorded sensor that rested, a second or more each, in known orientations.
 
-    `start` is what is known already: position, ranges, name.
+    Args:
+        recording: Samples.
+        up: Direction of up in each orientation, in order (N, 3).
+        start: What is known beforehand: position, ranges, name.
     """
     still = rests(recording)
     if len(still) != len(up):

@@ -197,11 +197,16 @@ def base_sensor(
     seed: int = 0,
     at: tuple[RobotModel, str] | None = None,
 ) -> tuple[SimulatedSensor, Mounting]:
-    """Put a cheap inertial unit, 200 Hz, on a base; return it and the mounting that is told of it.
+    """Return a simulated inertial unit, 200 Hz, on a base, and its mounting.
 
-    It is at the base's origin, or where a robot has a frame (`at`), and begins at `start` [s] of the plant. Of the
-    accelerometer's bias (3,) [m/s2], left by a calibration, the mounting knows nothing. Noise is the standard deviation
-    of an axis of a reading [m/s2]; an MPU-6050's when None.
+    Args:
+        base: Motion of the base.
+        start: Plant time at which it begins [s].
+        bias: Accelerometer bias (3,) [m/s2] that calibration left and the mounting does not know.
+        noise: Standard deviation of a reading's axis [m/s2]; an MPU-6050's when None.
+        fault: Fault to inject.
+        seed: Seed of the noise.
+        at: Robot and its frame that carries the sensor; the base's origin when None.
     """
     model = SensorModel()
     if noise is not None:
@@ -246,10 +251,17 @@ def make_motion(
     seconds: float = 20.0,
 ) -> Motion:
     """Return a motion of all joints by name, within limits.
-    "cartesian" are the paper's sinusoids of the tip along `axes` of the base, from `q_start` (n,) [rad|m] on, by an
-    amplitude [m]; "random" moves each joint by itself over half of its range for some seconds; "poses" rests at POSES
-    positions along the first joint's range, the others at `q_start`: RAVEN_START, or the middle of the range, when
-    None.
+
+    Args:
+        name: "cartesian": the paper's sinusoids of the tip; "random": each joint independently over half of its range;
+            "poses": rests at `POSES` positions along the first joint's range, the others at `q_start`.
+        model: The arm.
+        limits: Joint limits.
+        rng: Source of randomness.
+        q_start: Start (n,) [rad|m]; `RAVEN_START`, or the middle of the range, when None.
+        amplitude: Amplitude of the sinusoids [m].
+        axes: Axes of the base along which they move.
+        seconds: Duration of a random motion [s].
     """
     if name not in MOTIONS:
         raise InputError(f'motion "{name}": expected one of {", ".join(MOTIONS)}')
@@ -283,7 +295,13 @@ def poses_along(limits: Bounded, joint: int, positions: ArrayLike, q: ArrayLike)
 
 
 def start_pose(model: RobotModel, limits: Bounded, raven: tuple[float, ...] = RAVEN_START) -> Floats:
-    """Return where an arm starts, (n,) [rad|m]: a RAVEN-II at `raven`, others in the middle of their ranges."""
+    """Return the start of an arm (n,) [rad|m]: a RAVEN-II's own, the middle of the ranges of others.
+
+    Args:
+        model: The arm.
+        limits: Joint limits.
+        raven: Start of a RAVEN-II [rad, rad, m].
+    """
     if model.closed_form == "raven2" and model.n == len(raven):
         return np.array(raven)
     lower, upper = range_of(limits, "; give --q")
@@ -303,10 +321,18 @@ def track(
     gravity: GravitySource | None = None,
     observers: Sequence[Observer] = (),
 ) -> Tracking:
-    """Bring an arm to a motion's start, let it settle there [s], and follow the motion, all with the same controller.
+    """Bring an arm to a motion's start, let it settle, and follow the motion, all with the same controller.
 
-    All is measured at the motors, as the paper did. Windows are the times of the motion that count in the measures,
-    from and to [s]. `gravity` says what gravity is; what the plant says when None. Observers get the motion's ticks.
+    All is measured at the motors, as in the paper.
+
+    Args:
+        arm: The simulated arm.
+        controller: The controller.
+        trajectory: The motion.
+        settle: Time at the start [s].
+        windows: Times of the motion that count in the measures, from and to [s]; all when None.
+        gravity: Source of gravity; the plant's own when None.
+        observers: Called with the motion's ticks.
 
     Raises:
         LimitError: The motion leaves the joint limits; nothing has moved.
@@ -377,13 +403,18 @@ def hold(
     gravity: GravitySource | None = None,
     calibrated: bool = False,
 ) -> Holding:
-    """Place an arm at q (n,) [rad|m] by PD and sensed gravity, then let the controller alone hold it for a time.
+    """Place an arm by PD and sensed gravity, then let the controller alone hold it.
 
-    `gravity` says what gravity is; what the plant says when None. The controller sees joints as the robot reports them,
-    or, calibrated, as they truly are.
+    Args:
+        arm: The simulated arm.
+        controller: The controller.
+        q: Positions (n,) [rad|m].
+        seconds: Time to hold [s].
+        gravity: Source of gravity; the plant's own when None.
+        calibrated: Whether the controller sees true joint positions; as the robot reports them otherwise.
 
     Raises:
-        LimitError: q lies outside the joint limits; nothing has moved.
+        LimitError: `q` is outside the joint limits; nothing has moved.
     """
     plant = arm.plant
     pose = as_array("q", q, (arm.model.n,))

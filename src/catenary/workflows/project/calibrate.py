@@ -79,7 +79,13 @@ def excitation(project: Project) -> tuple[Trajectory, Any]:
 
 
 def random_motion(project: Project, seconds: float, number: int = 0) -> tuple[Trajectory, Any]:
-    """Return a random motion of the project's robot, and its description as plain data."""
+    """Return a random motion of a project's robot, and its description as plain data.
+
+    Args:
+        project: The project.
+        seconds: Duration [s].
+        number: Number of the motion, which its seed depends on.
+    """
     seed = [0 if project.settings.seed is None else project.settings.seed, 1, number]
     return kind_of(project.settings).random_motion(seconds, seed)
 
@@ -92,9 +98,14 @@ def calibrate_robot(
     run: FitRun | None = None,
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
-    """Calibrate a project's robot, its simulated one when None, doing only what has not been done.
+    """Calibrate a project's robot: home, excite, record, extract, fit, evaluate and deploy, skipping finished steps.
 
-    `asked` is the model to recommend, the learner when None; `run` says which rows fits see, and their tests.
+    Args:
+        project: The project.
+        robot: Connection to the robot; its simulated one when None.
+        asked: Model to recommend; the learner when None.
+        run: Rows that fits see, and their tests.
+        progress: Returns the progress callback of a named step.
     """
     project.ran.clear()
     run = replace(FitRun() if run is None else run, robot=kind_of(project.settings).model)
@@ -143,7 +154,20 @@ def calibrate_recordings(
     run: FitRun | None = None,
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
-    """Calibrate from recordings in place of a robot: fit every model to some, test on others; all are judged first."""
+    """Calibrate from recordings in place of a robot: judge all, fit every model to some, test it on others.
+
+    Args:
+        project: The project.
+        train: Recordings to fit.
+        test: Recordings to test.
+        reading: Mapping and corrections of the recordings.
+        asked: Model to recommend; the learner when None.
+        run: Rows that fits see, and their tests.
+        progress: Returns the progress callback of a named step.
+
+    Raises:
+        DataError: Something is wrong with a recording.
+    """
     if not train or not test:
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")
     project.ran.clear()

@@ -151,7 +151,13 @@ def missing(outputs: Sequence[Path]) -> list[Path]:
 
 
 def hold(folder: Path, outputs: Sequence[Path], described: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Return whether files still hold what `describe` saw; one of the same size and time is believed, not hashed."""
+    """Return True if files are as `describe` recorded them; same size and time are believed without hashing.
+
+    Args:
+        folder: Folder of the files.
+        outputs: Their paths.
+        described: Description of each by name.
+    """
     there = {path.relative_to(folder).as_posix(): path for output in outputs for path in _files(output)}
     return there.keys() == described.keys() and all(_holds(path, described[name]) for name, path in there.items())
 

@@ -18,10 +18,16 @@ from catenary.workflows.project.robot import empty
 
 
 def extract_recording(project: Project, name: str) -> bool:
-    """Synchronise recordings/NAME into a motion log, NAME.parquet; return whether that had to be done.
+    """Synchronise recordings/NAME into a motion log, NAME.parquet.
 
-    Of a recording that is not whole what is whole is taken; the report, the log's notes and the step say so
-    (`rescued`).
+    Of a damaged recording the undamaged part is taken; the report, the log's notes and the step say so (`rescued`).
+
+    Args:
+        project: The project.
+        name: Name of the recording.
+
+    Returns:
+        Whether it had to be done.
     """
     path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
     recording, step, files = project.folder / "recordings" / name, f"extract {name}", [path, report]
@@ -62,7 +68,16 @@ def extract_recording(project: Project, name: str) -> bool:
 
 
 def write_bags(project: Project, name: str, kind: BagKind) -> list[Path]:
-    """Write recordings/NAME as RAVEN's group's bags into bags/NAME, unless done; never over bags of others."""
+    """Write recordings/NAME as bags of RAVEN's group into bags/NAME, unless done; never over bags of others.
+
+    Args:
+        project: The project.
+        name: Name of the recording.
+        kind: Layout of the bags.
+
+    Returns:
+        Paths of the bags.
+    """
     step, recording, folder = (f"bags {kind} {name}", project.folder / "recordings" / name, project.folder / "bags")
     files = [project.folder / written for written in project.outputs_of(step) or {}]
     made_from = contents(describe(project.folder, [recording]), f"recordings/{name}")
@@ -88,7 +103,12 @@ def write_bags(project: Project, name: str, kind: BagKind) -> list[Path]:
 
 
 def motion_log_path(project: Project, name: str) -> Path:
-    """Return the path of a recording's motion log."""
+    """Return the path of a recording's motion log.
+
+    Args:
+        project: The project.
+        name: Name of the recording.
+    """
     return project.folder / f"{name}.parquet"
 
 

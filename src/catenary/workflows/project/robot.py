@@ -81,9 +81,17 @@ class Deployment:
 def deploy_on_robot(
     plant: FirmwarePlant[Any] | CrtkClient, model: CalibrationModel, trajectory: Trajectory, *, real_time: bool = False
 ) -> Deployment:
-    """Run a model in the 1 kHz loop of a robot, homed and enabled, that follows a trajectory by its own firmware.
+    """Run a model in the 1 kHz loop of a robot that follows a trajectory by its own firmware.
 
-    A trajectory beyond the limits, and a robot that lacks what the model takes, are refused before anything moves.
+    Args:
+        plant: The robot, homed and enabled.
+        model: The calibration model.
+        trajectory: Motion of its joints.
+        real_time: Whether a simulated robot keeps time too.
+
+    Raises:
+        LimitError: The trajectory leaves the limits; nothing has moved.
+        InputError: The robot lacks signals that the model takes; nothing has moved.
     """
     places = [plant.joint_names.index(name) for name in model.joint_names if name in plant.joint_names]
     corrector = Corrector(model)
@@ -291,7 +299,12 @@ class SimulatedRobot(ProjectRobot):
 
 
 def left_at(project: Project, step: str) -> Path:
-    """Return the file in which the robot was put away after homing or a recording."""
+    """Return the file with the pose in which the robot was left after homing or a recording.
+
+    Args:
+        project: The project.
+        step: Name of the step.
+    """
     return project.folder / "robot" / ("homed.npz" if step == "home" else f"after_{step}.npz")
 
 

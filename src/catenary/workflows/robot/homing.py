@@ -104,7 +104,12 @@ class Homing:
 
 
 def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
-    """Home a robot, in any state, unless it is homed; one behind a transport is paused then, and its person asked."""
+    """Home a robot, in any state, unless it is homed; one behind a transport is paused then, and its operator asked.
+
+    Args:
+        robot: The robot.
+        guide: Asks the operator.
+    """
     plant = robot.plant
     begin = plant.measured_js().time
     was_run = not plant.operating_state().is_homed

@@ -83,7 +83,17 @@ def check_motion(
     joints: Sequence[str] | None = None,
     max_velocity: ArrayLike | None = None,
 ) -> None:
-    """Refuse a trajectory of named joints, or all, beyond the limits or `max_velocity` (k,) [rad/s|m/s]: LimitError."""
+    """Refuse a trajectory beyond the joint limits or a velocity.
+
+    Args:
+        limits: Joint limits.
+        trajectory: The motion.
+        joints: Names of its joints; all when None.
+        max_velocity: Largest velocity (k,) [rad/s|m/s]; any when None.
+
+    Raises:
+        LimitError: Names the joint, the time and the limit.
+    """
     moved = _indices(limits, joints, trajectory)
     lower, upper = limits.lower[moved] - _AT_LIMIT, limits.upper[moved] + _AT_LIMIT
     fastest = np.full(len(moved), np.inf)
@@ -116,7 +126,15 @@ def gentle_way(
     speed: float = 1.0,
     max_velocity: ArrayLike | None = None,
 ) -> Trajectory:
-    """Return a motion from (k,) to (k,) [rad|m] at `speed` times GENTLE_VELOCITY, where no other, and _ACCELERATION."""
+    """Return a slow, smooth motion from rest to rest, with `GENTLE_ACCELERATION`.
+
+    Args:
+        start: Positions (k,) [rad|m].
+        goal: Positions (k,).
+        units: "rad" or "m" of each joint.
+        speed: Factor on `GENTLE_VELOCITY`.
+        max_velocity: Largest velocity in its place (k,) [rad/s|m/s].
+    """
     velocity = [speed * GENTLE_VELOCITY[unit] for unit in units] if max_velocity is None else max_velocity
     acceleration = [speed * GENTLE_ACCELERATION[unit] for unit in units]
     return go_to(start, goal, max_velocity=velocity, max_acceleration=acceleration)
@@ -131,7 +149,13 @@ def range_of(limits: Bounded, remedy: str = "") -> tuple[Floats, Floats]:
 
 
 def random_within(limits: Bounded, seconds: float, rng: np.random.Generator) -> Trajectory:
-    """Return a random motion of so many seconds, each joint by itself over half of its range, gently."""
+    """Return a slow random motion, each joint independently over half of its range.
+
+    Args:
+        limits: Joint limits.
+        seconds: Duration [s].
+        rng: Source of randomness.
+    """
     lower, upper = range_of(limits)
     middle, half = 0.5 * (lower + upper), 0.25 * (upper - lower)
     fastest = np.array([GENTLE_VELOCITY[unit] for unit in limits.joint_units])

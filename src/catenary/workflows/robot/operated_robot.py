@@ -91,7 +91,13 @@ class OperatedRobot:
 
 
 def operated_robot(robot: str, where: Simulated | OverTopics, *, real_time: bool = True) -> OperatedRobot:
-    """Open a robot of the catalogue or a file, in real time; one behind a transport is the caller's to close."""
+    """Open a robot in real time; one behind a transport is the caller's to close.
+
+    Args:
+        robot: Catalogue name or file.
+        where: Simulation, or topics.
+        real_time: Whether a simulated robot keeps time.
+    """
     plant, model = open_robot(robot, where), load_robot(robot)
     if not isinstance(plant, CrtkReader):
         if not real_time:

@@ -57,7 +57,12 @@ def along_rows(motion: MotionLog, blend: float = CORNER_BLEND_S) -> SmoothedPath
 
 
 def leaves_rows(motion: MotionLog, blend: float = CORNER_BLEND_S) -> Floats:
-    """Return the largest distance of `along_rows` from the rows at their times, (k,) [rad|m]."""
+    """Return the largest distance of the smoothed motion (`along_rows`) from a file's rows, (k,) [rad|m].
+
+    Args:
+        motion: Rows with times.
+        blend: Time over which velocities are averaged [s].
+    """
     q, _, _ = along_rows(motion, blend).sample(cast(Floats, motion.time) + 0.5 * blend)
     return np.asarray(np.abs(q - motion.q_nominal).max(axis=0))
 
@@ -68,11 +73,18 @@ def _is_named(motion: MotionLog) -> bool:
 
 
 def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> MotionLog:
-    """Read a motion; `rows_per_second` of a file without times, that of the published zig-zags when None.
+    """Read a motion to follow; its times are shifted to begin at 0.
 
     A table of text with units in its heading (`time [s],shoulder [deg]`), or that of `catenary excitation`; numbers
     alone in the layout of the published zig-zags (rad, rad, m); a motion log, `.parquet`; an `.npz` with `q` or `q_des`
-    (N, k), `t` (N,) [s], `units` and `joint_names` (k,). Its times are made to begin at 0; they have to rise.
+    (N, k), `t` (N,) [s], `units` and `joint_names` (k,).
+
+    Args:
+        path: The file.
+        rows_per_second: Rate of a file without times [Hz]; that of the published zig-zags when None.
+
+    Raises:
+        FileFormatError: Another layout, or times that do not rise.
     """
     if not path.is_file():
         raise FileFormatError(no_file(path))
@@ -217,7 +229,15 @@ def go_to_joints(
     speed: float = 1.0,
     progress: Progress = silent,
 ) -> MotionSummary:
-    """Bring the named joints, or the first k, to q (k,) [rad|m] together, `speed` times gently; errors as `move_to`."""
+    """Move joints to given positions together, gently; errors as of `move_to`.
+
+    Args:
+        robot: The robot.
+        q: Positions (k,) [rad|m].
+        joints: Names of the joints; the first k when None.
+        speed: Factor on the gentle velocity.
+        progress: Called with the share done.
+    """
     goal = as_array("q", q, (None,))
     names = robot.plant.joint_names[: len(goal)] if joints is None else tuple(joints)
     if not 0.0 < speed <= 5.0:
@@ -229,7 +249,19 @@ def go_to_joints(
 
 
 def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Generator) -> Floats:
-    """Return joints (n,) [rad|m], near where they are, that bring the tool to (3,) [m] in the base frame."""
+    """Return joint positions near the present ones that bring the tool to a point, by inverse kinematics.
+
+    Args:
+        robot: The robot.
+        position: Point in the base frame (3,) [m].
+        rng: Draws starts of the search.
+
+    Returns:
+        (n,) [rad|m].
+
+    Raises:
+        UnreachablePoseError: No such positions were found.
+    """
     q = robot.plant.setpoint_js().q
     model = robot.with_tool_at(q)
     start = np.clip(q[: model.n], model.lower, model.upper)
@@ -240,7 +272,13 @@ def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Gener
 
 
 def random_motion(robot: OperatedRobot, seconds: float, *, rng: np.random.Generator) -> Trajectory:
-    """Return a random motion of the model's joints: in RAVEN-II's calibration box, else in the middle of the ranges."""
+    """Return a random motion of the model's joints: in RAVEN-II's calibration box, else in the middle of the ranges.
+
+    Args:
+        robot: The robot.
+        seconds: Duration [s].
+        rng: Source of randomness.
+    """
     if robot.model.name in RAVEN_SIDES or robot.name in RAVEN_SIDES:
         return random_sinusoids(rng, seconds)
     return random_within(robot.model, seconds, rng)
@@ -249,7 +287,14 @@ def random_motion(robot: OperatedRobot, seconds: float, *, rng: np.random.Genera
 def run_random(
     robot: OperatedRobot, seconds: float, *, rng: np.random.Generator, progress: Progress = silent
 ) -> MotionSummary:
-    """Move the model's joints at random, after going to where that begins."""
+    """Move the model's joints at random, after a gentle motion to the start.
+
+    Args:
+        robot: The robot.
+        seconds: Duration [s].
+        rng: Source of randomness.
+        progress: Called with the share done.
+    """
     motion = random_motion(robot, seconds, rng=rng)
     return _watched(robot, run_trajectory, motion, joints=robot.joints, progress=progress)
 
@@ -263,10 +308,18 @@ def follow(
     from_afar: bool = False,
     progress: Progress = silent,
 ) -> MotionSummary:
-    """Check the whole motion of a file, go to its start gently, and follow it, velocities averaged over `blend` [s].
+    """Check a file's motion as a whole, go to its start gently, and follow it.
 
-    Beyond limits or `largest_velocity` by unit (LARGEST_VELOCITY [rad/s, m/s] when None), or from farther away than
-    NEAR, unless `from_afar`, it is refused before anything moves.
+    Args:
+        robot: The robot.
+        file: The motion.
+        blend: Time over which velocities are averaged [s].
+        largest_velocity: Largest velocity by unit [rad/s, m/s]; `MAX_VELOCITY` when None.
+        from_afar: Whether the robot may be farther from the start than `NEAR_DISTANCE`.
+        progress: Called with the share done.
+
+    Raises:
+        LimitError: Beyond limits, too fast, or too far from the start; nothing has moved.
     """
     plant, motion = robot.plant, along_rows(file, blend)
     names = file.joint_names if _is_named(file) else plant.joint_names[: len(file.joint_units)]

@@ -90,7 +90,15 @@ def watch_robot(
     tick: Callable[[], object] = lambda: None,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Snapshot]:
-    """Yield a snapshot `every` so often [s]; `tick` is called after each tick of the robot's, which is only read."""
+    """Yield snapshots of a robot, which is only read.
+
+    Args:
+        robot: The robot.
+        model: Calibration model to apply.
+        every: Period [s].
+        tick: Called after each tick of the robot's.
+        clock: Time [s].
+    """
     plant = robot.plant
     corrected: _Calibrated | _Deployed | None = None
     if model is not None:
@@ -161,7 +169,12 @@ def _truth(robot: OperatedRobot, q: Floats, calibrated: Floats | None) -> dict[s
 
 
 def corrected_rows(log: MotionLog, model: CalibrationModel) -> Corrected:
-    """Return what a model makes of a recording, (N, n); other joints are as they were reported."""
+    """Return a recording's positions corrected by a model; joints that it does not cover stay as reported.
+
+    Args:
+        log: The recording of N rows.
+        model: The calibration model.
+    """
     places = places_of(model, log, whose=f'recording "{log.name}"', of="the model is for")
     q, interval = np.array(log.q_nominal), np.full(log.q_nominal.shape, np.nan)
     inside = np.ones(q.shape, dtype=bool)

@@ -255,7 +255,21 @@ def record_topics(
     required: Sequence[str] = (),
     progress: Progress = silent,
 ) -> RecordedTopics:
-    """Record what a robot publishes for so many seconds, or on `after` a cut; every required topic must come."""
+    """Record topics of a robot into a journal.
+
+    Args:
+        transport: Connection.
+        folder: Journal to write.
+        topics: Topics to record.
+        seconds: Duration [s].
+        about: Description of the recording.
+        after: Where an interrupted recording was cut, to continue it.
+        required: Names of topics that must deliver messages.
+        progress: Called with the share done.
+
+    Raises:
+        RecordingError: A required topic is silent.
+    """
     if not seconds > 0.0:
         raise InputError(f"recording: expected more than 0 s, got {seconds}")
     begin, ended_by = transport.steady(), ""
@@ -277,9 +291,14 @@ def record_topics(
 def left_off(
     folder: Path, about: About, topics: Sequence[Topic], now: int, along: "Along | None" = None
 ) -> LeftOff | None:
-    """Return where a recording of the same kind was cut off, at `now` [ns]; None where none can go on.
+    """Return the point at which a recording of the same kind was interrupted; None if none can be continued.
 
-    What it has of a motion is looked up `along` it.
+    Args:
+        folder: Journal.
+        about: Description of the recording.
+        topics: Topics to record.
+        now: Present time [ns].
+        along: Motion in which the recorded part is located.
     """
     if not is_journal(folder):
         return None
