@@ -68,7 +68,7 @@ def extract(
     for name, report in found.items():
         parts.append(Table(columns_of_topics, report["topics"], f"{name}: {report['rows']} rows"))
         parts.append(f"log: {report['log']}\n")
-    print_result(found, *parts, notes=[each for report in found.values() for each in report["problems"]])
+    print_result(found, *parts, notes=[problem for report in found.values() for problem in report["problems"]])
     for name, failure in failed.items():
         if found and opened.outputs_of(f"record {name}") is None:
             print_notes([f"{name}: was interrupted and is left out: {failure}"])

@@ -44,7 +44,7 @@ def check(
             raise InputError("--picture: is of a recording with measured joint positions")
         write_picture(found.draw(), picture, PICTURE.endings)
     joints = None if found.joints is None else found.joints.text().rstrip()
-    facts = [("remark:", each) for each in found.shown_remarks] + [("WRONG:", each) for each in found.faults]
+    facts = [("remark:", text) for text in found.shown_remarks] + [("WRONG:", text) for text in found.faults]
     facts += [("verdict", found.verdict), *([("next", found.next)] if found.next else [])]
     print_result(found.as_data(), f"{file}: {found.kind}", list(found.lines), joints, facts)
     if found.faults:
@@ -169,8 +169,8 @@ def import_recording(
             progress=progress,
         )
     log = done.log
-    doubts = [f"{each.name}: {each}" for each in done.findings if each.refuses]
-    delay = next((str(each) for each in done.findings if each.name in ("delay", "clock")), None)
+    doubts = [f"{finding.name}: {finding}" for finding in done.findings if finding.refuses]
+    delay = next((str(finding) for finding in done.findings if finding.name in ("delay", "clock")), None)
     joints = dict(zip(log.joint_names, log.joint_units, strict=True))
     report: dict[str, Any] = {
         "log": str(out), "layout": layout, "rows": done.rows, "seconds": done.seconds, "measured": done.measured,
@@ -181,6 +181,8 @@ def import_recording(
     facts = [("joints:", joints_text(log)), ("rows:", rows)]
     facts += [*([] if delay is None else [("delay:", delay)]), ("log:", str(out))]
     notes = [*done.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)]
-    notes += [f"{each.name}: {each}" for each in done.findings if not each.refuses and str(each) != delay]
+    notes += [
+        f"{finding.name}: {finding}" for finding in done.findings if not finding.refuses and str(finding) != delay
+    ]
     notes += ["if columns hold measured joints, name them: --map q_encoder=COLUMNS"] * (not done.measured)
     print_result(report, facts, notes=notes)

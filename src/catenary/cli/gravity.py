@@ -66,7 +66,7 @@ class Conditions:
         return given | {"base_tilt_deg": self.base_tilt_deg or LEVEL_BASE, "payload": self.payload, "seed": self.seed}
 
     def base(self) -> "MovingBase":
-        """Return what the arm stands on."""
+        """Return the motion of the base that the arm stands on."""
         from catenary.simulation.base_motion import FixedBase, SwayingBase
 
         start = FixedBase(*map(math.radians, self.base_tilt_deg or LEVEL_BASE))
@@ -188,7 +188,7 @@ def _unseen(model: "catenary.RobotModel", open_to: "Floats") -> list[str]:
     ]
     if not sizes:
         return []
-    hidden = ", ".join(each.name for each in model.unseen)
+    hidden = ", ".join(unseen.name for unseen in model.unseen)
     return [
         f"{model.name} was identified on one base, which does not show {hidden}: under this gravity torques may be "
         f"off, {', '.join(sizes)}; recordings on a tilted base show it"
@@ -275,9 +275,11 @@ def hold(
         pose = start_pose(arm.model, arm.plant, HOLD_START)
     felt = arm.plant.measured_js().gravity
     result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing), calibrated=calibrated)
-    joints_off = [each for each in result.as_data()["joints"] if not calibrated and each["reported_off"] > _TOLD_OFFSET]
+    joints_off = [
+        joint for joint in result.as_data()["joints"] if not calibrated and joint["reported_off"] > _TOLD_OFFSET
+    ]
     if joints_off:
-        far = ", ".join(f"{each['name']} by up to {each['reported_off']:.2g} {each['unit']}" for each in joints_off)
+        far = ", ".join(f"{joint['name']} by up to {joint['reported_off']:.2g} {joint['unit']}" for joint in joints_off)
         print_notes([
             f"gravity was computed where the robot reports its joints, and they were elsewhere, {far}: a joint drifts "
             "by what that costs, however well gravity is sensed; --calibrated knows where they are"

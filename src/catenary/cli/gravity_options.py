@@ -105,7 +105,7 @@ class ReadingOptions:
     )
 
     def convention(self) -> "Convention | None":
-        """Return what readings are multiplied by; None where nothing is said."""
+        """Return the factor on readings; None where none is stated."""
         from catenary.sensing.vector import convention_of
 
         if not (self.units or self.axes or self.driver):
@@ -159,7 +159,7 @@ class SensingOptions:
     start_limit: float = option("S", "With --fallback stop: stop if no valid sample came by then.", 1.0)
 
     def as_data(self) -> dict[str, Any]:
-        """Return what was given, as plain data."""
+        """Return the given options as plain data."""
         defaults = SensingOptions()
         return {name: value for name, value in vars(self).items() if value != getattr(defaults, name)}
 

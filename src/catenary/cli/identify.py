@@ -159,7 +159,7 @@ def identify_cable(
     log = read_recording(data, recordings.reading())
     notes = verdict([log], accept=accept, testing=True, done="identified").notes
     loops, doubts = cable_loops(log)
-    notes += judge([(log.name, each) for each in doubts], accept, done="identified")
+    notes += judge([(log.name, finding) for finding in doubts], accept, done="identified")
     columns: list[Column] = ["joint", "unit", ("following", "following:.3g")]
     for key in ("friction", "joint_side", "motor_side", "stiffness", "width"):
         columns.append((key.replace("_", " "), partial(cell, key=key)))
@@ -235,7 +235,7 @@ def payload(
     if best.mass is not None and told:
         parts.append(f"mass: {1000 * best.mass:.1f} g, standard deviation {1000 * (best.mass_std or 0.0):.1f} g")
     if best.moment is not None and best.moment_std is not None and told:
-        moment, off = (", ".join(f"{v:.4f}" for v in each) for each in (best.moment, best.moment_std))
+        moment, off = (", ".join(f"{v:.4f}" for v in values) for values in (best.moment, best.moment_std))
         parts.append(f"mass times place in {best.link}: {moment} kg m, standard deviations {off}")
     if result.candidates:
         likely: list[Column] = ["link", ("probability", "probability:.2f")]
@@ -323,7 +323,7 @@ class CollisionOptions:
     no_collision_check: bool = option(None, "Design without a collision check.", False)
 
     def around(self, robot: str, model: "catenary.RobotModel") -> "MotionSurroundings":
-        """Return what a robot must not hit."""
+        """Return the obstacles around a robot."""
         from catenary.collision.scene import box_at, floor_at, mesh_at
         from catenary.robots.shapes import load_geometry
         from catenary.workflows.excitation import MotionSurroundings

@@ -63,9 +63,9 @@ class Commands(Mapping[str, Any]):
             command = getattr(import_module(f"catenary.cli.{_MODULES[name]}"), function)
             app.command(name, no_args_is_help=name not in _COMPLETE, context_settings=_HELP_NAMES)(as_typed(command))
             self._made[name] = typer.main.get_command(app)
-            for each in self._made[name].params:
-                if each.param_type_name == "argument":
-                    each.display_type_rich = lambda ctx: None  # what it is called says what it is
+            for parameter in self._made[name].params:
+                if parameter.param_type_name == "argument":
+                    parameter.display_type_rich = lambda ctx: None  # what it is called says what it is
         return self._made[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -49,7 +49,7 @@ class ServedRobot:
     grav_dir: Triple | None = option("X,Y,Z", "Gravity for the robot's own compensation, in whole cm/s2, z down.")
 
     def serving(self) -> "Serving":
-        """Return what is served."""
+        """Return the served robot."""
         from catenary.nodes.serve import Serving
         from catenary.open_robot import Simulated, tilted_base
 
@@ -332,7 +332,7 @@ def tool_node(
 
 
 def _shown(line: Callable[[Any], tuple[str, Sequence[str]]]) -> Callable[..., None]:
-    """Return what prints a status: as JSON, or as a line to read and those remarks that are new."""
+    """Return the function that prints a status: as JSON, or as a line to read and those remarks that are new."""
     said: list[str] = []
 
     def show(status: "EncoderStatus | GravityStatus | ToolStatus", *, final: bool = False) -> None:

@@ -61,7 +61,7 @@ class Option:
     kind: Any = None  # the parameter's type
 
     def declared(self, name: str, kind: Any) -> "Option":
-        """Return it as the option of a parameter."""
+        """Return the option of a parameter."""
         default = () if self.default is None and get_origin(kind) is Sequence else self.default
         return replace(self, name=name, kind=kind, default=default)
 
@@ -143,7 +143,7 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
     own = signature(command).parameters.values()
     groups: dict[str, Any] = {p.name: p.annotation for p in own if is_dataclass(p.annotation)}
     asked: list[Option] = [p.default.declared(p.name, p.annotation) for p in own if p.name not in groups]
-    asked += [each.metadata["option"] for kind in groups.values() for each in fields(kind)]
+    asked += [field.metadata["option"] for kind in groups.values() for field in fields(kind)]
     as_json = option(None, getattr(command, "json_help", "Print JSON."), False, flag="--json")
     asked.append(as_json.declared("as_json", bool))
     if getattr(command, "prints_tables", False):
@@ -161,7 +161,7 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
             chosen = {"distro": values["ros_distro"], "transport": values["transport"]}
             say_ros_arguments(replace(said_ros_arguments(), **chosen))
         for name, kind in groups.items():
-            values[name] = kind(**{each.name: values.pop(each.name) for each in fields(kind)})
+            values[name] = kind(**{field.name: values.pop(field.name) for field in fields(kind)})
         with without_notes(no_notes), in_json(values["as_json"]), in_latex(values.get("as_latex", False)):
             command(**{p.name: values[p.name] for p in own})
 
@@ -215,7 +215,7 @@ def _refuse_files(asked: Sequence[Option], values: Mapping[str, Any]) -> None:
             written[one.typed] = value, one.writes
         elif one.writes is None:
             named = value if isinstance(value, tuple) else (value,)
-            read += [Path(each) for each in named if isinstance(each, Path) or (each and one.names_robot)]
+            read += [Path(path) for path in named if isinstance(path, Path) or (path and one.names_robot)]
     refuse_outputs(written, read)
 
 
@@ -264,7 +264,7 @@ def _names(names: str | Names) -> Names:
 
 
 def _reader(kind: Any) -> Read | None:
-    """Return how a list with commas is read; None for what typer reads by itself."""
+    """Return the parser of a list with commas; None for types that typer reads by itself."""
     places = get_args(kind) if get_origin(kind) is tuple else ()
     if len(set(places) - {Ellipsis}) != 1:
         return None

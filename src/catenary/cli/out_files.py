@@ -49,7 +49,7 @@ def refuse_outputs(written: Mapping[str, tuple[Path, FileKind]], read: Sequence[
             every[f"the card of {option}"] = card_path(path), None
     places: list[Path] = []
     for option, (path, _) in every.items():
-        if path.exists() and any(os.path.exists(each) and path.samefile(each) for each in read):
+        if path.exists() and any(os.path.exists(source) and path.samefile(source) for source in read):
             raise InputError(f"{option} {path}: is a file that is read here; expected another")
         if path.absolute() in places:
             raise InputError(f"{option} {path}: something else is written there; expected another file")

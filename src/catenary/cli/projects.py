@@ -128,7 +128,7 @@ def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator
 
 
 def say_step(project: "Project", what: str, was_run: bool, content: Any) -> None:
-    """Say what a step did, or that it had been done."""
+    """Print the result of a step, or that it had been done before."""
     said = f"{project.folder}: {what}{'' if was_run else ' before; nothing to do'}"
     print_result({"project": str(project.folder), "run": was_run, **content}, said)
 

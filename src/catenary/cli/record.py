@@ -98,7 +98,7 @@ def excite(
     if refresh:  # each day's minute is another one
         there = {path.name for path in (opened.folder / "recordings").glob("*")}
         names = chain(["refresh"], (f"refresh_{k}" for k in count(2)))
-        name = next(each for each in names if each not in there)
+        name = next(name for name in names if name not in there)
     with opened, projects.robot_of(opened, access, "excite") as moved:
         with projects.step_progress("homing", opened):
             moved.home(opened)
@@ -118,7 +118,7 @@ def _write_refresh_motion(kind: "ProjectKind", out: Path) -> None:
     motion, _ = kind.refresh_motion()
     model, n = catenary.load_robot(kind.model), len(kind.joints)
     time = np.linspace(0.0, motion.duration, 1 + round(_ROWS_PER_SECOND * motion.duration))
-    q, qd, qdd = (np.array(each) for each in zip(*map(motion, time.tolist()), strict=True))
+    q, qd, qdd = (np.array(rows) for rows in zip(*map(motion, time.tolist()), strict=True))
     write_motion(out, Joints(kind.joints, model.joint_units[:n]), time, q, qd, qdd)
     content = {"file": str(out), "seconds": motion.duration, "joints": kind.joints}
     said = f"{motion.duration:.0f} s of full reversals of {', '.join(kind.joints)}\nfile: {out}"

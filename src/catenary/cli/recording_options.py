@@ -54,7 +54,7 @@ class RecordingOptions(MappingOptions):
     leave_out: Sequence[str] = _of_recordings("A:B", "Ignore measured rows A to B - 1; repeatable.")
 
     def reading(self, robot: str | None = None) -> "Reading":
-        """Return how to read recordings, of a robot of the catalogue or of a file where it is named.
+        """Return the mapping and corrections of recordings, of a robot by catalogue name or file where one is named.
 
         With a mapping, `--units` are those of its columns; else they come before the robot's.
         """

@@ -37,7 +37,7 @@ class DescriptionOptions:
     strict: bool = option(None, "Refuse impossible inertias instead of warning.", False)
 
     def declared(self) -> "Massless":
-        """Return which links are declared massless."""
+        """Return the links that are declared massless."""
         return "all" if self.massless == ("all",) else self.massless or ()
 
     def load(self, robot: str) -> "catenary.RobotModel":

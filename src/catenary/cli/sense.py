@@ -45,7 +45,7 @@ class ReplayOptions:
     frame: str | None = option("NAME", "Its link with the sensor. [default: the tip]", goes_with="orientations")
 
     def recording(self, reading: ReadingOptions, *, tumble: bool) -> "ImuRecording | None":
-        """Return what was recorded; None without --replay."""
+        """Return the recording to replay; None without --replay."""
         if self.replay is None:
             return None
         if tumble is not (self.orientations is not None):

@@ -35,7 +35,7 @@ class NotesOfLogs(logging.Handler):
 
 
 def is_for_people(record: logging.LogRecord) -> bool:
-    """Return whether a person needs to know what matplotlib logs: not where it keeps its fonts for this run."""
+    """Return True if a message of matplotlib's concerns a user: not the location of its fonts for this run."""
     return not record.getMessage().startswith(("mkdir -p failed", "Matplotlib created a temporary"))
 
 
@@ -55,7 +55,7 @@ def in_latex(asked: bool) -> AbstractContextManager[None]:
 
 
 def prints_json() -> bool:
-    """Return whether the command that runs was asked for JSON."""
+    """Return True if the running command was asked for JSON."""
     return _IN_JSON.get()
 
 
@@ -95,7 +95,7 @@ def print_result(content: Any, *parts: Any, notes: Sequence[str] = ()) -> None:
 
 
 def print_page(page: Path) -> None:
-    """Say where a page was written; with --json and --latex nothing is said."""
+    """Print the path of a written page; nothing with --json and --latex."""
     if not prints_json() and not _IN_LATEX.get():
         print(f"page:  {page}")
 

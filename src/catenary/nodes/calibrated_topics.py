@@ -227,7 +227,7 @@ class CalibratedTopics:
         self._slow = SlowTorque(1.0 / self._corrector.rate_hz)
 
     def _note_silence(self, now: int) -> bool:
-        """Return whether there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
+        """Return True if there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
         silence = (now - self._last) / SECOND
         self._told.longest_silence = max(self._told.longest_silence, silence)
         if silence <= self._client.stale_after:

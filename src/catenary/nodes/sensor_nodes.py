@@ -52,7 +52,7 @@ class GravityStatus(NamedTuple):
     def warnings(self) -> tuple[str, ...]:
         """Faults, each with its name and what to do."""
         hints = {Fault.GRAVITY_STRIPPED: f"; {_STRIPPED_HINT}"}
-        found = tuple(f"{each.names[0]}: {each.message}{hints.get(each, '')}" for each in self.reading.faults)
+        found = tuple(f"{fault.names[0]}: {fault.message}{hints.get(fault, '')}" for fault in self.reading.faults)
         said = (f"the gyroscope: {self.remedy}" if self.remedy else "", self.complaint)
         return (*found, *filter(None, said))
 

@@ -124,7 +124,7 @@ class ToolNode:
         return self.published - before
 
     def _take(self, subscription: Subscription) -> list[tuple[float, Message]]:
-        """Return what has come with its time [s], by its stamp where the sender's clock is ours."""
+        """Return a new message with its time [s], by its stamp where the sender's clock is ours."""
         found, by = [], self.transport.clock.set_by()
         for message, arrived in subscription.take():
             stamp = message.header.stamp - by if message.header.stamp else arrived
@@ -150,7 +150,7 @@ class ToolNode:
             self.motion.put(time, q, qd if np.isfinite(qd).all() else None)
 
     def _is_due(self, time: float) -> bool:
-        """Return whether the joints' motion about a reading is known, or is not going to be."""
+        """Return True if the joints' motion around a reading is known, or will not become known."""
         now = self.transport.steady() / SECOND
         return self.motion.newest >= time + self.motion.wait or now - time > self.motion.wait + _JOINTS_HELD_S
 
@@ -178,7 +178,7 @@ class ToolNode:
         self.published += 1
 
     def _missing(self, time: float, reading: Floats, gravity_age: float) -> str:
-        """Return what a reading lacks to be compensated."""
+        """Return the reason why a reading cannot be compensated yet; empty if it can."""
         if not np.isfinite(reading).all():
             return "readings are not finite"
         if time - self.motion.newest > _JOINTS_HELD_S:
@@ -189,7 +189,7 @@ class ToolNode:
         """Make a tool of the poses; say why where they make none."""
         try:
             tool, doubts = self._rests.weigh()
-            judge([("poses", each) for each in doubts], self._accept, done="weighed")
+            judge([("poses", finding) for finding in doubts], self._accept, done="weighed")
         except ExcitationError as error:  # further poses mend it
             self._refusal = str(error)
             return

@@ -113,7 +113,7 @@ def c_header(
 
 
 def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
-    """Return what the header says of gravity: lines, and values to check them by."""
+    """Return the header's lines about gravity, and values to check them by."""
     if not np.isfinite(model.coupling).all() or not np.isfinite(model.offset).all():
         raise InputError(f'robot "{model.name}": its coupling holds NaN or infinity')
     gravity, compact = lines.gravity_line(model), compact_regressor(model)
@@ -135,7 +135,7 @@ def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
 
 
 def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None) -> dict[str, Any]:
-    """Return what the header says of a motion, which needs moments of inertia."""
+    """Return the header's lines about a motion, which needs moments of inertia, and values to check them by."""
     motion = lines.inverse_dynamics_line(model)
     told: dict[str, Any] = {
         "mass": lines.mass_matrix_line(model),
@@ -161,7 +161,7 @@ def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None)
 
 
 def _correction(model: CalibrationModel, corrector: Corrector, name: str, rate_hz: float) -> dict[str, Any]:
-    """Return what the header says of joint correction, with a tick to check it by."""
+    """Return the header's lines about joint correction, with a tick to check it by."""
     n, features = len(model.joint_names), model.features
     q, signals = np.zeros(n), np.zeros(len(features.signals))
     for column, value in zip(model.groups[0].watched, model.groups[0].valid_range.mean, strict=True):

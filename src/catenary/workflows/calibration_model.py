@@ -285,11 +285,11 @@ def warnings_of(evaluation: Evaluation) -> list[str]:
         if joint.outside_valid_range > OUTSIDE_SHARE:
             share = f"{joint.outside_valid_range:.0%} of rows lie outside the model's valid range"
             said.append(f"{joint.name}: {share}, where it gives the fixed offset; train on motion that goes there")
-    return [f"warning: {each}" for each in said]
+    return [f"warning: {doubt}" for doubt in said]
 
 
 def interval_summary(evaluation: Evaluation) -> dict[str, Any] | None:
-    """Return whether a model's intervals hold, as plain data, in deg and mm; None for a model without."""
+    """Return the coverage of a model's intervals as plain data, in deg and mm; None for a model without."""
     if evaluation.level is None:
         return None
     verdicts = zip(evaluation.joints, coverage_verdicts(evaluation), strict=True)

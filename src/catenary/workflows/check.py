@@ -102,7 +102,9 @@ class FileReport:
             return self.remarks
         told = ("units not stated", *(f"{name}: " for name, _ in self.lines))
         remarks = [
-            shorten(each, _MAX_REMARK_LENGTH, placeholder=" ...") for each in self.remarks if not each.startswith(told)
+            shorten(remark, _MAX_REMARK_LENGTH, placeholder=" ...")
+            for remark in self.remarks
+            if not remark.startswith(told)
         ]
         room = _SCREEN_ROWS - len(self.lines) - len(self.joints.records) - 2 * len(self.faults)
         most = max(1, room // 2 - 1)
@@ -159,15 +161,15 @@ def check_recording(
     arm = robot_of([log], robot)
     findings, mended, cured, left = judged(as_read, mend, robot=arm, max_error=error_limits(max_error, log))
     asked = [
-        each.remedy.removeprefix(f"{MAX_ERROR_OPTION} ")
-        for each in findings
-        if each.remedy.startswith(f"{MAX_ERROR_OPTION} ")
+        finding.remedy.removeprefix(f"{MAX_ERROR_OPTION} ")
+        for finding in findings
+        if finding.remedy.startswith(f"{MAX_ERROR_OPTION} ")
     ]
     limits = ",".join(f"{limit:g}" for limit in max_error) if max_error is not None else next(iter(asked), "")
     found = recording_report("recording", log, arm, cured)
     found.lines[0] = ("recording", f"{layout}{', ' if layout else ''}{found.lines[0][1]}")
     found.findings = findings
-    found.remarks = [f"{each.name}: {each}" for each in findings if not each.refuses]
+    found.remarks = [f"{finding.name}: {finding}" for finding in findings if not finding.refuses]
     seen = [j for j in found.facts["joints"] if (j["highest"] - j["lowest"]) * DISPLAY[j["unit"]][1] > MOVED_DEG_MM]
     few = [f"{j['name']} {j['reversals']} times" for j in seen if j["reversals"] < _MIN_REVERSALS]
     found.remarks += [f"few reversals ({', '.join(few)}): they hardly show slack and hysteresis"] * bool(few)
@@ -185,7 +187,7 @@ def check_recording(
         )
         found.remarks += [f"{lost} rows without a trusted measurement serve as history only"] * (0 < lost < len(log))
     found.remarks += [note for note in log.notes if not note.endswith("have no q_encoder")]
-    found.faults += [f"{each.name}: {each}" for each in findings if each.refuses]
+    found.faults += [f"{finding.name}: {finding}" for finding in findings if finding.refuses]
     _tell(found, findings)
     if log.q_encoder is not None:
         delay = found.facts["delay"] or {}
@@ -196,9 +198,9 @@ def check_recording(
 
 def _tell(found: FileReport, findings: Sequence[Finding]) -> None:
     """Give delay and outliers lines and facts of their own, and say in the verdict what could hide."""
-    delay = next((each.delay for each in findings if each.delay is not None), None)
+    delay = next((finding.delay for finding in findings if finding.delay is not None), None)
     found.facts["delay"] = None if delay is None else asdict(delay)
-    found.lines += [("delay", each.says) for each in findings if each.name == "delay"]
+    found.lines += [("delay", finding.says) for finding in findings if finding.name == "delay"]
     measured = found.facts["measured_rows"]
     wild = ", ".join(f"{j['name']} {j['outliers']}" for j in found.facts["joints"] if j["outliers"])
     told = f"{wild} of {measured:,} rows, beyond {OUTLIER_SIGMAS:g} robust standard deviations" if wild else "none"
@@ -210,7 +212,7 @@ def _tell(found: FileReport, findings: Sequence[Finding]) -> None:
 def recording_report(
     kind: str, log: MotionLog, robot: RobotModel | None = None, cured: MotionLog | None = None
 ) -> FileReport:
-    """Return what a recording holds, before anything is said of it.
+    """Return the contents of a recording, without findings.
 
     Joints are compared with the robot's limits; slack and hysteresis are looked for in `cured`, the same recording with
     every fault mended that can be.
@@ -238,7 +240,7 @@ def recording_report(
 
 
 def _units(log: MotionLog) -> str:
-    """Return where a recording's units come from."""
+    """Return the source of a recording's units."""
     given = [text for key, texts in log.settled.items() if key.startswith("units") for text in texts]
     if given:
         return f"made of what --units says ({'; '.join(given)})"
@@ -248,7 +250,7 @@ def _units(log: MotionLog) -> str:
 
 
 def _joints(log: MotionLog, robot: RobotModel | None, cured: MotionLog) -> list[dict[str, Any]]:
-    """Return what each joint covers and how far off it is, in its own unit, errors in deg and mm."""
+    """Return the range and the errors of each joint, in its own unit, errors in deg and mm."""
     told = []
     for j, (name, unit, shown) in enumerate(zip(log.joint_names, log.joint_units, hysteresis_of(cured), strict=True)):
         low, high = float(log.q_nominal[:, j].min()), float(log.q_nominal[:, j].max())
@@ -371,7 +373,7 @@ def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tup
             toml = f"{path.with_suffix('').name}.toml"
             asks = shlex.join(["catenary", "import", source, *said]) + f" > {shlex.quote(toml)}"
             return FileReport(
-                "third-party recording", facts, [], [f"open: {each}" for each in proposal.questions],
+                "third-party recording", facts, [], [f"open: {question}" for question in proposal.questions],
                 next=f"{asks}, answer what is OPEN in it, then catenary check {shlex.quote(source)} --mapping {toml}",
             )  # fmt: skip
         log, said = import_recording(path, proposal.accepted()), [*said, "--yes"]
@@ -442,12 +444,12 @@ def _drives(model: RobotModel) -> list[dict[str, Any]] | None:
     found = None if model.actuation is None else joint_drives(model.actuation, model.n)
     if found is None:
         return None
-    numbers = zip(model.joint_names, model.joint_units, *(each.tolist() for each in found[:3]), strict=True)
-    return [dict(zip(("joint", "unit", "coulomb", "viscous", "rotor"), each, strict=True)) for each in numbers]
+    numbers = zip(model.joint_names, model.joint_units, *(column.tolist() for column in found[:3]), strict=True)
+    return [dict(zip(("joint", "unit", "coulomb", "viscous", "rotor"), row, strict=True)) for row in numbers]
 
 
 def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[str], tuple[Finding, ...]]:
-    """Return what is wrong with a recording for identification, what is worth knowing, and the findings among them.
+    """Return the faults and remarks about a recording for identification, and the findings among them.
 
     It is fitted as `identify --free --friction none` fits it, to full dynamics, or to gravity where it has no time.
     """
@@ -466,8 +468,8 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
         result = identify_samples([samples], model, options)
     except (InputError, ExcitationError) as error:
         faults = [str(error)]
-    faults = [*(f"{each.name}: {each}" for each in found if each.refuses), *faults]
-    remarks = [*(f"{each.name}: {each}" for each in found if not each.refuses), *remarks]
+    faults = [*(f"{finding.name}: {finding}" for finding in found if finding.refuses), *faults]
+    remarks = [*(f"{finding.name}: {finding}" for finding in found if not finding.refuses), *remarks]
     if result is None:
         return faults, remarks, found
     left = zip(model.joint_names, result.training[0].relative_rms, strict=True)
@@ -514,7 +516,7 @@ def _check_identification(path: Path, result: Identification, card: Card) -> Fil
 
 
 def _copy_faults(path: Path, card: Card) -> list[str]:
-    """Return whether the readable copy of a card, which may be missing, is another one."""
+    """Return the difference between a card and its readable copy, which may be missing, as faults."""
     copy = card_path(path)
     if not copy.is_file() or copy.read_bytes() == card_text(card).encode():
         return []

@@ -119,7 +119,7 @@ def design_excitation(
 def _limits(
     model: RobotModel, room: Room, around: MotionSurroundings, gravity: Floats, rng: np.random.Generator
 ) -> tuple[MotionLimits, list[str]]:
-    """Return what the motion must keep, and notes on what is not looked at or only assumed."""
+    """Return the limits of the motion, and notes on those that are assumed or not checked."""
     notes: list[str] = []
     scene = None
     if around.geometry is None:

@@ -119,7 +119,7 @@ class ExternalTorques:
         size, units = np.abs(self.torque), [TORQUE_UNIT[unit] for unit in self.model.joint_units]
         rows, beyond = size.argmax(axis=0), np.mean(size > self.half_width, axis=0)
         largest = np.take_along_axis(self.torque, rows[None], axis=0)[0]
-        numbers = (each.tolist() for each in (largest, self.time[rows], self.half_width, beyond))
+        numbers = (column.tolist() for column in (largest, self.time[rows], self.half_width, beyond))
         keys = ("joint", "unit", "largest", "time", "half_width", "beyond")
         columns = zip(self.model.joint_names, units, *numbers, strict=True)
         return [dict(zip(keys, row, strict=True)) for row in columns]
@@ -161,7 +161,7 @@ class ExternalTorques:
 
 
 def external_torques(result: Identification, pushed: Samples, unloaded: Sequence[Samples] = ()) -> ExternalTorques:
-    """Return what identified parameters leave of a recording's torques: M qdd + C qd + g + friction - tau.
+    """Return the torques that an identification does not explain: M qdd + C qd + g + friction - tau.
 
     The interval is 1.96 times the RMS that they leave of recordings that were not fitted: of `unloaded` ones, else of
     the tests of the identification.
@@ -171,7 +171,7 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
     if unloaded:
         deviation = rms(np.concatenate([result.predict_samples(part) - part.tau for part in unloaded]))
     else:
-        deviation = np.max([each.rms for each in result.tests or result.training], axis=0)
+        deviation = np.max([residual.rms for residual in result.tests or result.training], axis=0)
         if not result.tests:
             notes.append("intervals are by the residual of the recordings that were fitted: give one with --unloaded")
     half_width = IN_95_PERCENT * deviation
@@ -266,7 +266,7 @@ def identify_files(
     if payload is not None:
         model = payload.on(model)
     require_names(accept)
-    stamps = [(log.name, each) for log in (*read, *read_tests) for each in stamp_findings(log)]
+    stamps = [(log.name, finding) for log in (*read, *read_tests) for finding in stamp_findings(log)]
     stamps += repeated_findings((*read, *read_tests))
     gains, weighed = None, list[Samples]()
     if reading is not None and reading.currents and (model.actuation is None or model.actuation.effort_scale is None):
@@ -284,7 +284,7 @@ def identify_files(
     gaps = [f"{part.name}: {note}" for part in whole for note in part.notes]
     settled = () if gains is None else GAINS
     explained = [explained_torques(model, part, settled) for part in training]
-    causes = [(part.name, each) for part, found in zip(training, explained, strict=True) for each in found[0]]
+    causes = [(part.name, finding) for part, found in zip(training, explained, strict=True) for finding in found[0]]
     doubts = judge(causes, accept)
     model, found = arm_as_found(model, [found[1:] for found in explained])
     for log in (*read, *read_tests):  # behind what may explain them
@@ -292,7 +292,7 @@ def identify_files(
     bodies = (*((payload,) if payload is not None else ()), *found)
     result = replace(identify_logs(read, training, model, options), bodies=bodies).test(held_out)
     tested = [part for part in held_out if not part.name.endswith(HELD_OUT)]
-    doubts += judge([(part.name, each) for part in tested for each in findings_against(result, part)], accept)
+    doubts += judge([(part.name, finding) for part in tested for finding in findings_against(result, part)], accept)
     if gains is not None:
         result = result.with_gains(gains.gains)
     notes = [*(note for log in (*read, *read_tests) for note in log.named_notes), *gaps]
@@ -331,7 +331,7 @@ def _times(log: MotionLog, gains: Floats) -> MotionLog:
 
 
 def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
-    """Say what was assumed, what is doubtful, and what held-out blocks chose."""
+    """Return notes on assumptions, on doubts, and on choices by held-out blocks."""
     options = result.options
     static = options.terms == "static"
     if not static and actuation_of(model).find_rotors:  # no table
@@ -447,7 +447,7 @@ def changes_of_files(model: Path, logs: Sequence[Path], **how: Any) -> tuple[lis
         The changes, and notes.
     """
     result, samples, notes, read = _read(model, logs, **how)
-    found = [(part.name, each) for part in samples for each in findings_against(result, part)]
+    found = [(part.name, finding) for part in samples for finding in findings_against(result, part)]
     for log in () if found else read:
         check_positions(log, result.model)
     return [ArmChange(name, each.name, each.joints, each.says) for name, each in found], notes
@@ -461,8 +461,8 @@ def _read_for(
     What the arm carries beside its own is among the notes if `of_arm`.
     """
     result, samples, notes, read = _read(model, paths, accept=accept, **how)
-    found = [(s.name, each) for s in samples for each in findings_against(result, s)]
-    notes += judge([each for each in found if of_arm or each[1].name != "arm"], accept, done="weighed")
+    found = [(s.name, finding) for s in samples for finding in findings_against(result, s)]
+    notes += judge([named for named in found if of_arm or named[1].name != "arm"], accept, done="weighed")
     for log in read:  # behind what may explain them
         check_positions(log, result.model)
     return result, samples, notes
@@ -488,7 +488,7 @@ def _read(
     if held:
         require_held(read, held)
         read = [of_joints(log, result.model) for log in read]
-    notes = judge([(log.name, each) for log in read for each in stamp_findings(log)], accept, done="weighed")
+    notes = judge([(log.name, finding) for log in read for finding in stamp_findings(log)], accept, done="weighed")
     notes += [note for log in read for note in log.named_notes]
     samples = [prepare(log, result.model, options, within_limits=False) for log in read]
     notes += [f"{part.name}: {note}" for part in samples for note in part.notes]
@@ -516,4 +516,4 @@ def wrist_tool_of_file(
     rows = read_rows(path, (*model.joint_names, *WRENCH_AXES))
     q, force, torque = np.split(rows, [model.n, model.n + 3], axis=1)
     tool, doubts = weigh_tool(force, torque, forward_kinematics(model, q, frame), gravity)
-    return tool, judge([(path.name, each) for each in doubts], accept, done="weighed")
+    return tool, judge([(path.name, finding) for finding in doubts], accept, done="weighed")

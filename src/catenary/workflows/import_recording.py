@@ -310,7 +310,7 @@ def _between(
     base = base.part(first, base.rows if last is None else last)
     found = [base]
     for other in others:
-        stamp, arrival = (None if each is None else each[:1] for each in (base.stamp, base.arrival))
+        stamp, arrival = (None if times is None else times[:1] for times in (base.stamp, base.arrival))
         none = {column: np.full(1, np.nan) for column in wanted[other]}
         (stream,) = held.get(other, [Stream(other, base.type, none, 1, stamp, arrival)])
         if stream.arrival is not None and base.arrival is not None:

@@ -33,7 +33,7 @@ class RegressorReport:
         return [4 * i + k for i, link in links if link not in self.model.massless for k in range(4)]
 
     def identifiable(self, name: str) -> tuple[str, ...]:
-        """Return how torques on a base determine each standard parameter: a key of WORDS."""
+        """Return the dependence of torques, on a base, on each standard parameter: a key of `WORDS`."""
         kinds = ["known"] * len(standard_labels(self.model))
         for parameter, kind in zip(self.unknown, self.bases[name].identifiable, strict=True):
             kinds[parameter] = kind
@@ -56,7 +56,7 @@ class RegressorReport:
         return tuple(label for label, column in pairs if column not in level)
 
     def sentences(self) -> list[str]:
-        """Return what is identifiable and what is not, in sentences."""
+        """Return the sentences about identifiable and unidentifiable parameters."""
         level, tilted = self.bases["level"], self.bases["tilted"]
         names = standard_labels(self.model)
         said = [

@@ -403,7 +403,7 @@ def rest_rows(recording: ImuRecording) -> list[NDArray[np.intp]]:
 
 
 def up_of_tilts(tilts_deg: ArrayLike) -> Floats:
-    """Return where up is in base axes (N, 3) of a whole robot turned by roll, then pitch, (N, 2) [deg]."""
+    """Return the direction of up in base axes (N, 3) of a robot turned by roll, then pitch, (N, 2) [deg]."""
     return np.array([-tilted_gravity(*tilt) / STANDARD_GRAVITY for tilt in np.deg2rad(tilts_deg).tolist()])
 
 
@@ -448,7 +448,7 @@ def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting = _
 
 
 def check_gyroscope(recording: ImuRecording) -> tuple[list[str], bool]:
-    """Return what is wrong with a recorded gyroscope by the turns between rests, and whether they show it right."""
+    """Return the faults of a recorded gyroscope by the turns between rests, and whether they determine it."""
     if recording.rate is None:
         return [], False
     rows, pieces = rest_rows(recording), []

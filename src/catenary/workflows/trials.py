@@ -182,7 +182,7 @@ def raven_gains(firmware: Firmware) -> JointGains:
 
 
 def raven_motor_inertia(arm: CableArm) -> Floats:
-    """Return what RAVEN-II's motors add to the mass matrix, by its nominal ratios and coupling, (3, 3)."""
+    """Return the inertia that RAVEN-II's motors add to the mass matrix, by nominal ratios and coupling, (3, 3)."""
     ratio = np.abs(arm.firmware.ratio[:POSITIONING])
     return reflected_inertia(arm.cable.rotor_inertia, ratio, arm.firmware.coupling)
 

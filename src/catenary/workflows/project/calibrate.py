@@ -181,9 +181,9 @@ def calibrate_recordings(
         tested_on: Sequence[Any]
         if mapping is not None:
             imports = [read_imports(project, paths, mapping) for paths in (train, test)]
-            fitted, tested = ([reading.mend(one.log) for one in each] for each in imports)
+            fitted, tested = ([reading.mend(one.log) for one in logs] for logs in imports)
             reading = Reading(mend=reading.mend)  # logs of ours state all else
-            trained_on, tested_on = ([one.path for one in each] for each in imports)
+            trained_on, tested_on = ([one.path for one in logs] for logs in imports)
         else:
             trained_on, tested_on = _hashes(train), _hashes(test)
             fitted = [read_recording(path, reading) for path in train]
@@ -198,7 +198,7 @@ def calibrate_recordings(
         to_fit.judged(run.accept)
         to_test.judged(run.accept, testing=True)
         if imports:
-            train, test = (keep_imports(project, each) for each in imports)
+            train, test = (keep_imports(project, logs) for logs in imports)
         fit_models(project, train, models, run, progress, reading, None if imports else to_fit)
         progress("report")
         return conclude(project, models, train, test, None, reading, run)

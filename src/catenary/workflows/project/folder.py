@@ -85,7 +85,7 @@ class FolderLock:
             )
 
     def release(self) -> None:
-        """Give it back; without it, do nothing."""
+        """Release the lock, if it is held."""
         if self._descriptor is None:
             return
         descriptor, self._descriptor = self._descriptor, None
@@ -280,7 +280,7 @@ class Project:
                 write(folder / SETTINGS, asdict(settings))
 
     def done(self, step: str, made_from: Any, files: Sequence[Path]) -> bool:
-        """Return whether a step was done from the same, and its files hold what it wrote (`state.hold`)."""
+        """Return True if a step was done from the same inputs, and its files hold its results (`state.hold`)."""
         entry = self._steps.get(step)
         if entry is None or entry["made_from"] != fingerprint(made_from):
             return False
@@ -394,7 +394,7 @@ class Project:
 
 
 def is_project(folder: Path) -> bool:
-    """Return whether a folder holds a project, its settings or at least what was done."""
+    """Return True if a folder holds a project: its settings, or at least its finished steps."""
     return any((folder / name).is_file() for name in (SETTINGS, STEPS))
 
 
@@ -409,7 +409,7 @@ def project_settings(folder: Path) -> ProjectSettings | None:
     except ConfigError as error:
         said = str(error).replace("file: Value error, ", "not the settings of a project: ")
         raise ConfigError(said) from error
-    lacking = ", ".join(each.name for each in fields(ProjectSettings) if each.name not in content)
+    lacking = ", ".join(field.name for field in fields(ProjectSettings) if field.name not in content)
     if lacking:
         raise ConfigError(damage(path, f"keys are missing: {lacking}", remedy))
     return parse_settings(content, ProjectSettings, str(path))

@@ -185,7 +185,7 @@ class ProjectRobot(ABC):
         """Make a recording along a trajectory, which `motion` describes, `after` "home" or another recording."""
 
     def files(self, project: Project, folder: Path) -> list[Path]:
-        """Return what a recording leaves behind."""
+        """Return the files of a recording."""
         return [folder]
 
     @abstractmethod
@@ -437,7 +437,7 @@ class RosRobot(ProjectRobot):
 
 
 def _not_registered(client: CrtkClient, kind: ProjectKind) -> str | None:
-    """Return what is wrong with the encoders of a homed robot, or None."""
+    """Return the fault of a homed robot's encoders, or None."""
     if np.isfinite(client.external_encoders()).all():
         return None
     return f"no reading comes on {kind.required[-1].name}"

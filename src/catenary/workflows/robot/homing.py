@@ -160,7 +160,7 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
 
 
 def not_homed(now: OperatingState) -> str | None:
-    """Return what is missing until a robot is homed, or None."""
+    """Return the condition that is missing until a robot is homed, or None."""
     if now.is_homed and not now.is_busy:
         return None
     return f"the robot is {now.state}, {'busy' if now.is_busy else 'not homed'}"

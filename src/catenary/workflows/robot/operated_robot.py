@@ -44,7 +44,7 @@ class OperatedRobot:
         return self.plant.joint_names[: self.model.n]
 
     def truth(self) -> "Truth | None":
-        """Return where the model's joints really are; None but in a simulation, which alone knows."""
+        """Return the true positions of the model's joints; None except in a simulation."""
         if not any(column.name == TRUE_COLUMN for column in self.plant.columns):
             return None
         told, n = self.plant.telemetry(), self.model.n
@@ -52,7 +52,7 @@ class OperatedRobot:
         return Truth(np.asarray(told[TRUE_COLUMN][:n]), None if encoders is None else np.asarray(encoders[:n]))
 
     def tip(self, q: Floats) -> Floats:
-        """Return where the model's tip is at joints (n,) or more [rad|m], (3,) [m] in the base frame; NaN at NaN."""
+        """Return the tip's position at the model's joints (n,) or more [rad|m], in the base frame (3,) [m]; NaN at NaN."""
         joints = q[: self.model.n]
         if not np.isfinite(joints).all():
             return np.full(3, np.nan)
@@ -67,7 +67,7 @@ class OperatedRobot:
         return ToolPose(load_robot(kind.whole), self.plant.joint_names)
 
     def tool_position(self, q: Floats) -> Floats:
-        """Return where the tool is at all of the plant's joints [rad|m], (3,) [m] in the base frame; NaN at NaN."""
+        """Return the tool's position at all of the plant's joints [rad|m], (3,) [m] in the base frame; NaN at NaN."""
         if self.tool is None or not np.isfinite(q).all():
             return self.tip(q)
         return self.tool.pose(q).position

@@ -68,7 +68,7 @@ def leaves_rows(motion: MotionLog, blend: float = CORNER_BLEND_S) -> Floats:
 
 
 def _is_named(motion: MotionLog) -> bool:
-    """Return whether a file names its joints; else they are those that come first."""
+    """Return True if a file names its joints; otherwise they are the first ones."""
     return not (motion.units_assumed and motion.joint_names == nameless(len(motion.joint_names)))
 
 

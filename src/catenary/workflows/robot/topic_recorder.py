@@ -55,7 +55,7 @@ class TopicCount:
     longest_gap: float = 0.0  # [s] between two that came
 
     def note(self) -> str | None:
-        """Return what is wrong, or None; thinning to less than half is what was asked for."""
+        """Return the fault of a topic, or None; thinning to less than half is what was asked for."""
         if self.came == 0:
             return f"topic {self.name}: nothing came"
         if self.lost:
@@ -75,7 +75,7 @@ class _Kept:
     last: int = 0  # [ns] arrival of the newest message
 
     def takes(self, stamp: int) -> bool:
-        """Return whether a message of a stamp [ns] is kept, on a grid of the topic's rate; never two to catch up."""
+        """Return True if a message of a stamp [ns] is kept, on a grid of the topic's rate; never two to catch up."""
         period = round(SECOND / self.topic.rate)
         if stamp < self.stamp:  # the publisher's clock was set back, or it is another one
             self.due = stamp
@@ -123,7 +123,7 @@ class TopicRecorder:
             raise
 
     def silent(self, names: Sequence[str]) -> str:
-        """Return which of these topics are still missing, in words; empty where all have come."""
+        """Return the names of these topics that are still missing, as text; empty if all have come."""
         there = {kept.topic.name for kept in self._kept if kept.count.came or len(kept.subscription)}
         return ", ".join(name for name in names if name not in there)
 
@@ -324,7 +324,7 @@ class Along(NamedTuple):
     setpoint: Callable[[Message], Floats]  # of its messages, (k,) [rad|m] of the motion's joints
 
     def reached(self, reader: JournalReader) -> float:
-        """Return how much of the motion a recording has [s], by its setpoints since it went on the last time."""
+        """Return the length of the recorded part of the motion [s], by its setpoints since the last resumption."""
         run, decode = reader.last_run(), codec(self.topic.type).decode
         looks, newest, last = list[tuple[int, bytes]](), None, 0
         for name, arrival, data in chain.from_iterable(part.messages() for part in run):
