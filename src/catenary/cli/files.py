@@ -26,7 +26,7 @@ def check(
     robot: str | None = option("ROBOT", "Robot of a recording: its limits, and joints' names and units."),
     picture: Path | None = option("FILE", "Also draw commands over measurements, .png, .svg or .pdf.", writes=PICTURE),
 ) -> None:
-    """Say what a file is, what is wrong, what to do next.
+    """Identify a file, check it, and suggest the next command.
 
     The exit code is 1 when something is wrong. Robots are catalogue names, .toml, .urdf, .xml, .mjcf, .json;
     models are .npz; recordings bags of ROS 1 and 2, MCAP, journals, .npz, .parquet, .csv. A recording gets the verdict

@@ -52,7 +52,7 @@ class OperatedRobot:
         return Truth(np.asarray(told[TRUE_COLUMN][:n]), None if encoders is None else np.asarray(encoders[:n]))
 
     def tip(self, q: Floats) -> Floats:
-        """Return the tip's position at the model's joints (n,) or more [rad|m], in the base frame (3,) [m]; NaN at NaN."""
+        """Return the tip in the base frame (3,) [m], at joints of the model (n,) or more [rad|m]; NaN at NaN."""
         joints = q[: self.model.n]
         if not np.isfinite(joints).all():
             return np.full(3, np.nan)
