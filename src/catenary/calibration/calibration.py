@@ -246,13 +246,18 @@ def check_data(
     robot: str | None = None,
     **arrays: Unpack[MotionArrays],
 ) -> tuple[Finding, ...]:
-    """Return what is wrong with recordings, and what is worth knowing, before a model is made of them.
+    """Return findings about recordings, most severe first, before a model is fitted to them.
 
-    Arguments are those of `fit`; positions are compared with the limits of a `robot`, by its catalogue name or file.
+    Args:
+        q_nominal: (N, n) reported positions [rad|m], rows in the order of time; or recordings.
+        q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
+        units: "rad" or "m" per joint; needed for arrays.
+        joint_names: Names of the joints; J1, J2, ... when None.
+        robot: Catalogue name or file, whose limits positions are compared with.
+        **arrays: As of `fit`.
 
     Returns:
         Findings; `fit` refuses those whose `refuses` is true, unless their `name` is accepted.
-
     """
     logs = _logs(q_nominal, joint_names, units, q_encoder, **arrays)
     model = robot_of(logs, robot)
@@ -270,7 +275,17 @@ def evaluate(
 ) -> Evaluation:
     """Return a model's errors on data that it should not have seen: `Calibration.evaluate`, also of a model's file.
 
-    A function of your own, as `fit` takes it, is evaluated on recordings, beside their own fixed offset.
+    Args:
+        model: Model, or its file; a function of your own, as `fit` takes it, is evaluated beside its own fixed offset.
+        q_nominal: (N, n) reported positions [rad|m], rows in the order of time; or recordings.
+        q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
+        window: Length of a time window of the report [s]; a tenth of the data when None.
+        accept: Names of findings of `check_data` to continue despite.
+        **arrays: As of `fit`.
+
+    Raises:
+        DataError: Something is wrong with the data.
+        InputError: Arrays that do not fit together, or other joints than the model's.
     """
     if not isinstance(model, Calibration | str | Path):
         if hasattr(model, "fit"):
@@ -288,7 +303,19 @@ def refresh(
     accept: Sequence[str] = (),
     **arrays: Unpack[MotionArrays],
 ) -> Calibration:
-    """Return a model brought up to date with minutes of a new day: `Calibration.refresh`, also of a model's file."""
+    """Return a model updated with minutes of a new day: `Calibration.refresh`, also of a model's file.
+
+    Args:
+        model: Model, or its file.
+        q_nominal: (N, n) reported positions [rad|m], rows in the order of time; or recordings.
+        q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
+        accept: Names of findings of `check_data` to continue despite.
+        **arrays: As of `fit`.
+
+    Raises:
+        DataError: Something is wrong with the data.
+        InputError: Arrays that do not fit together, or other joints than the model's.
+    """
     loaded = model if isinstance(model, Calibration) else load_model(model)
     return loaded.refresh(q_nominal, q_encoder, accept=accept, **arrays)
 

@@ -112,7 +112,10 @@ def calibration_data(
 def usable_rows(recordings: Recordings, features: FeatureSet, *, every: int = 1) -> CalibrationData:
     """Collect the rows of recordings that have a measurement (`ok`), and no error beyond the recordings' limits.
 
-    Of a recording one row in `every` is taken, at random; features follow all.
+    Args:
+        recordings: The recordings.
+        features: Features to compute; they follow all rows.
+        every: One row in so many is taken, at random.
     """
     logs = recordings.logs
     has_time = all(log.time is not None for log in logs)
@@ -161,7 +164,12 @@ def _usable_rows(
 
 
 def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
-    """Return what readers of recordings noted, and what rows were left out."""
+    """Return the notes of a recording's readers, and notes on rows that were left out.
+
+    Args:
+        logs: Recordings.
+        data: Rows that were taken of them.
+    """
     notes = [note for log in logs for note in log.named_notes]
     if data.every > 1:
         count = sum(len(log) for log in logs)

@@ -96,14 +96,25 @@ class Evaluation(OnScreen):
 
 
 def percent(value: float, digits: int) -> str:
-    """Return a percentage as text; a dash for NaN, a percentage of nothing."""
+    """Return a percentage as text; a dash for NaN, a percentage of nothing.
+
+    Args:
+        value: Percentage.
+        digits: Decimals.
+    """
     return f"{value:.{digits}f} %" if np.isfinite(value) else "-"
 
 
 def error_table(
     evaluation: Evaluation, name: str = "model", *, title: str = "RMSE and largest error per joint"
 ) -> Table:
-    """Return RMSE per joint raw, after the fixed offset and after the model, and the share outside its valid range."""
+    """Return RMSE per joint raw, after the fixed offset and after the model, and the share outside its valid range.
+
+    Args:
+        evaluation: Errors of the model.
+        name: Heading of the model's column.
+        title: Title of the table.
+    """
     unit = in_units(joint.unit for joint in evaluation.joints)
     columns: list[Column] = [
         ("joint", "name"), "unit", (f"raw RMSE {unit}", "raw_rmse:.3f"),
@@ -118,7 +129,13 @@ def error_table(
 def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | None = None) -> Evaluation:
     """Evaluate a model on rows of data: the same ones count for the raw, the offset's and the model's error.
 
-    A time window is `window` s (rows, where there is no time) long; a tenth of the data when None.
+    Args:
+        model: The model.
+        data: Rows with its features.
+        window: Length of a time window [s], or rows without time; a tenth of the data when None.
+
+    Raises:
+        InputError: No rows, or features of another model.
     """
     data.require(model, model.features)
     if len(data) == 0:
@@ -168,7 +185,12 @@ class Spread:
 
 
 def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
-    """Return mean and standard deviation of the RMSE over blocks of a cross-validation, and what they let expect."""
+    """Return mean and standard deviation of the RMSE over blocks of a cross-validation, and the error to expect.
+
+    Args:
+        spread: Errors on blocks, for each joint.
+        name: Heading of the model's column.
+    """
     unit = in_units(s.unit for s in spread)
     columns: list[Column] = [
         "joint", "unit", ("blocks", "folds"),

@@ -224,7 +224,15 @@ class FeatureSet:
 
 @compiled
 def follow(signals: Floats, firsts: Integers, seconds: Integers, factors: Floats, along: Floats) -> None:
-    """Write positions or paths (N, J) of signals (N, S): `firsts` (J,), and `factors` (J,) times `seconds` (J,)."""
+    """Compute positions or paths along features: signals[:, firsts] + factors * signals[:, seconds].
+
+    Args:
+        signals: (N, S).
+        firsts: Columns (J,).
+        seconds: Columns (J,).
+        factors: Factors of the second ones (J,).
+        along: (N, J), written.
+    """
     for row in range(len(signals)):
         for j in range(len(firsts)):
             along[row, j] = signals[row, firsts[j]]

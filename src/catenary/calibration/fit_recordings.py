@@ -58,7 +58,14 @@ class FitResult:
 def fit_logs(
     logs: Sequence[MotionLog], options: FitOptions, run: FitRun | None = None, *, progress: Progress = silent
 ) -> FitResult:
-    """Fit a model to recordings; see `fit_recordings`."""
+    """Fit a model to recordings; see `fit_recordings`.
+
+    Args:
+        logs: Recordings.
+        options: Model to fit.
+        run: Rows that the fit sees, and its tests.
+        progress: Called with the share done, 0 to 1.
+    """
     run = run if run is not None else FitRun()
     return fit_recordings(
         Recordings.of(logs, robot=run.robot, max_error=run.max_error), options, run, progress=progress
@@ -68,7 +75,18 @@ def fit_logs(
 def fit_recordings(
     recordings: Recordings, options: FitOptions, run: FitRun, *, progress: Progress = silent
 ) -> FitResult:
-    """Fit a model to recordings; say how well it does on blocks of time and a held-out part that it did not see."""
+    """Fit a model to recordings, and evaluate it on blocks of time and a held-out part that it did not see.
+
+    Args:
+        recordings: The recordings.
+        options: Model to fit.
+        run: Rows that the fit sees, and its tests.
+        progress: Called with the share done, 0 to 1.
+
+    Raises:
+        DataError: Something is wrong with the recordings.
+        InputError: Too few rows, or options that contradict each other.
+    """
     options = options.of_kind(options.kind, options.preset)
     held_out = run.held_out or 0.0
     rows_of = cache(partial(_rows, recordings, run=run))

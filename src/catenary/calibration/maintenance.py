@@ -31,7 +31,18 @@ def judge_recordings(
     learning: bool = False,  # the model is to learn from them: they must not be short, nor the arm at rest
     done: str = "evaluated",
 ) -> list[str]:
-    """Refuse recordings of which a model's error would say nothing; return notes on what is worth knowing."""
+    """Refuse recordings on which a model's error means nothing; return notes on the others.
+
+    Args:
+        model: The model.
+        recordings: The recordings.
+        accept: Names of findings to continue despite.
+        learning: Whether the model is to learn from them: they must not be short, nor the arm at rest.
+        done: What is done with them, for messages.
+
+    Raises:
+        DataError: A finding is not accepted.
+    """
     try:
         return recordings.judged(accept, testing=not learning, trained=trained_positions(model), done=done).notes
     except DataError as error:
@@ -40,7 +51,13 @@ def judge_recordings(
 
 
 def mended_as_trained(model: CalibrationModel, log: MotionLog, own: Mend = NO_MEND) -> MotionLog:
-    """Return a recording mended as asked, and as the training data; units only where that brings it near these."""
+    """Return a recording corrected as asked, and as the training data; units only where that brings it near these.
+
+    Args:
+        model: The model, which keeps the corrections of its training data.
+        log: The recording.
+        own: Corrections asked for.
+    """
     trained = dict(model.mends)
     if "units" in trained and len(log.joint_names) == len(model.joint_names):
         other = trained_findings(model.matched(log), trained_positions(model))
@@ -51,7 +68,13 @@ def mended_as_trained(model: CalibrationModel, log: MotionLog, own: Mend = NO_ME
 def trained_limits(
     card: Card, asked: tuple[float, ...] | None = None, *, as_trained: bool = True
 ) -> tuple[tuple[float, ...] | None, list[str]]:
-    """Return the errors beyond which rows are left out, as asked or as in the model's fit [deg|mm], and a note."""
+    """Return the errors beyond which rows are left out [deg|mm], and notes.
+
+    Args:
+        card: Card of the model.
+        asked: Limits asked for; the model's own when None.
+        as_trained: Whether the model's own limits apply where none are asked for.
+    """
     found = card.get("run", {}).get("max_error") if as_trained and asked is None else None
     if found is None:
         return asked, []
@@ -100,7 +123,19 @@ def refresh_with(
     accept: Collection[str] = (),
     sha256: str | None = None,  # of the model's file; None for one in memory
 ) -> NewDay:
-    """Refresh a model with recordings of a new day; see `refresh_model`."""
+    """Refresh a model with recordings of a new day; see `refresh_model`.
+
+    Args:
+        model: The model.
+        card: Its card.
+        recordings: Recordings of the new day.
+        accept: Names of findings to continue despite.
+        sha256: Hash of the model's file; None for one in memory.
+
+    Raises:
+        InputError: A recording is one that the model was fitted to.
+        DataError: A finding is not accepted.
+    """
     for log in recordings.logs:
         if log.is_among(card["data"]):
             raise InputError(

@@ -71,10 +71,19 @@ def find_drift(
     *,
     factor: float = DRIFT_FACTOR,  # more than 0
 ) -> DriftFound:
-    """Return a model's errors on recordings, in their order, and from which on it is beyond what it promised.
+    """Return a model's errors on recordings in order, and the first one beyond its promise.
 
     With intervals, a joint is beyond where they hold less than half of what may lie outside allows (85 % for 90 %);
-    without, where its RMSE is beyond `factor` times the error that the card tells.
+    without, where its RMSE exceeds `factor` times the error on the card.
+
+    Args:
+        model: The model.
+        recordings: Recordings with q_encoder, the oldest first, joints as the model's.
+        known: Errors on the card (n,) [deg|mm]; None where it has none.
+        factor: Ratio above 0.
+
+    Raises:
+        InputError: The model has neither intervals nor an error on data that it did not see.
     """
     if model.intervals is None and known is None:
         raise InputError(
@@ -105,7 +114,12 @@ def find_drift(
 
 
 def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor: float = DRIFT_FACTOR) -> DriftFound:
-    """Return errors (n,) [deg|mm], delays and zeros of cards, by date; beyond is `factor` times the first one's."""
+    """Return errors (n,) [deg|mm], delays and zeros of cards, by date; beyond is `factor` times the first one's.
+
+    Args:
+        cards: Name, card and errors of each model.
+        factor: Ratio above 0.
+    """
     cards = sorted(cards, key=lambda each: last_date(each[1]) or "9")
     joints = [[(joint["name"], joint["unit"]) for joint in card["joints"]] for _, card, _ in cards]
     stretches: list[CardStretch] = []

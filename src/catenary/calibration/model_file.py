@@ -33,14 +33,31 @@ _FIELD_NAMES = tuple(each.name for each in fields(CalibrationModel))
 
 
 def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
-    """Write a model to `path` and a readable copy of its card beside it, as `write_with_card` does."""
+    """Write a model, and a readable copy of its card beside it.
+
+    Args:
+        model: The model.
+        card: Its card.
+        path: The file (.npz).
+
+    Raises:
+        OSError: The folder is not writable, or the disk is full.
+    """
     whole, arrays = packed(model), dict[str, NDArray[Any]]()
     structure = {"format": _FORMAT} | stored({name: getattr(whole, name) for name in _FIELD_NAMES}, arrays)
     write_with_card(path, {"structure": np.array(json.dumps(structure)), **arrays}, card)
 
 
 def load_model(path: Path, own: Named | Sequence[Named] | None = None) -> tuple[CalibrationModel, Card]:
-    """Read a model and its card; `own` names the class or function of a model of kind "own" (own_model.py)."""
+    """Read a model and its card.
+
+    Args:
+        path: The file (.npz).
+        own: Class or function of a model of kind "own" (own_model.py).
+
+    Raises:
+        FileFormatError: No such file, damaged, or of another version.
+    """
     remedy = "`catenary fit` makes a model again, `catenary calibrate` those of its project"
     try:
         arrays = read_arrays(path)

@@ -115,7 +115,15 @@ RETIRED = ("auto", "hysteretic")  # and preset best of neural: models of files, 
 
 
 def kind_of(name: str, preset: str | None = None) -> ModelKind:
-    """Return the record of a kind, which may be named by its preset too."""
+    """Return the record of a kind of model.
+
+    Args:
+        name: Name of the kind.
+        preset: Preset that may name it, too.
+
+    Raises:
+        InputError: No such kind, or one that is no longer fitted.
+    """
     if name not in MODEL_KINDS:
         why = "; it is no longer fitted" if name in RETIRED else ""
         raise InputError(f'model "{name}": expected one of {", ".join(MODEL_KINDS)}{why}')

@@ -77,7 +77,15 @@ def _in_one_order(logs: Sequence[MotionLog]) -> tuple[MotionLog, ...]:
 
 
 def error_limits(max_error: Sequence[float] | None, log: MotionLog) -> Floats | None:
-    """Return the errors beyond which rows are left out, (n,) [rad|m], of those given in deg and mm."""
+    """Return the errors beyond which rows are left out, (n,) [rad|m]; None without limits.
+
+    Args:
+        max_error: Limit per joint in deg and mm.
+        log: Recording whose joints they are for.
+
+    Raises:
+        InputError: Another number of limits, or one that is not positive.
+    """
     if max_error is None:
         return None
     if len(max_error) != len(log.joint_names) or not all(limit > 0.0 for limit in max_error):

@@ -294,9 +294,15 @@ def reader_of(
     namespace: str | None = None,
     gravity: str | None = None,
 ) -> CrtkReader:
-    """Return the robot, a PSM or else a RAVEN-II, that a model of some joints is deployed beside.
+    """Return the robot, a PSM or else a RAVEN-II, that a model of given joints is deployed beside.
 
-    Without a dialect (raven, crtk) it speaks the robot's own; the namespace is of a PSM, /PSM1 when None.
+    Args:
+        joints: Joints of the model.
+        transport: Connection.
+        arm: Side of a RAVEN-II.
+        dialect: CRTK dialect; the robot's own when None.
+        namespace: Namespace of a PSM; /PSM1 when None.
+        gravity: Topic of measured gravity, if any.
     """
     kind = kind_with_joints(joints, arm) or KINDS[ROBOT[arm]]
     if kind is not PSM and namespace is not None:

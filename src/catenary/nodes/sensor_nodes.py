@@ -277,9 +277,16 @@ def publish(
     duration: float | None = None,
     show: Callable[[Any], None] = lambda status: None,
 ) -> Any:
-    """Step a node at a rate until the duration [s] is over, its transport closed, or Ctrl-C; return the last status.
+    """Step a node at a rate until the duration is over, its transport closed, or Ctrl-C.
 
-    `show` gets a status every second.
+    Args:
+        node: The node.
+        rate_hz: Rate [Hz].
+        duration: Time [s]; until Ctrl-C when None.
+        show: Called with a status every second.
+
+    Returns:
+        The last status.
     """
     if duration is not None and not duration > 0.0:
         raise InputError(f"duration: expected more than 0 s, got {duration}")

@@ -84,9 +84,13 @@ class ServerStatus(NamedTuple):
 def make_server(
     serving: Serving, transport: Transport, *, rate_hz: float = 1000.0, plants: dict[str, Plant] | None = None
 ) -> Server:
-    """Put a robot, or `plants` in place of its simulated arms, behind a transport; nothing moves before its ticks.
+    """Serve a robot over a transport; nothing moves before the server's ticks.
 
-    States are published at `rate_hz`, the robot's own rate divided by a whole number.
+    Args:
+        serving: Robot, dialect and options.
+        transport: Connection.
+        rate_hz: Rate of states: the robot's own divided by a whole number [Hz].
+        plants: Robots in place of simulated arms, by name.
     """
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
@@ -147,11 +151,16 @@ def prepare(server: Server) -> None:
 def serve(
     server: Server, *, show: Callable[[ServerStatus], None], start: bool = False, duration: float | None = None
 ) -> ServerStatus:
-    """Run a server at its robot's rate until Ctrl-C, or for `duration` [s]; pause the arms then, and sum up.
+    """Run a server at its robot's rate, then pause the arms and sum up.
 
-    A tick that is late is made up for by the next ones, up to 20 ms; what is later is given up and counted, so that
-    after a stall nothing runs faster than it should for long. `start` presses the silver button first, or enables and
-    homes the arms of a robot without one.
+    Late ticks are caught up within 20 ms; later ones are dropped and counted, so that after a stall nothing runs faster
+    than it should for long.
+
+    Args:
+        server: The server.
+        show: Called with a status every second.
+        start: Whether to press the silver button first, or to enable and home the arms of a robot without one.
+        duration: Time [s]; until Ctrl-C when None.
     """
     period = max(arm.plant.period for arm in server.arms.values())
     prepare(server)

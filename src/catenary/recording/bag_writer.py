@@ -30,7 +30,15 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
 
     They are record_ravenstate, record_CRTKmeasurejs and record_ext_jenc, with nothing in them but /ravenstate,
     measured_js and /ext_jpos [raven2_CRTK_Python_controller, r2_enc_CRTK_recorder.launch]; beside these
-    record_joint_enc, record_other, and record_about. What is damaged in the source is left out, and logged.
+    record_joint_enc, record_other, and record_about. Damaged messages are left out, and logged.
+
+    Args:
+        source: The recording.
+        folder: Folder to write into.
+        kind: "ros1" or "ros2".
+
+    Returns:
+        Paths of the bags.
     """
     unknown = [topic for topic in source.topics if current_name(topic.type) not in MESSAGES]
     if unknown:
@@ -69,7 +77,14 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
 
 
 def copy_messages(source: Source, to: Mapping[str, tuple[Any, Any]], kind: BagKind, place: Path) -> None:
-    """Write a recording's messages into the bag, by the connection, of each topic; what it is of comes first."""
+    """Write messages of a recording into a bag; the recording's description comes first.
+
+    Args:
+        source: The recording.
+        to: Bag and connection of each topic.
+        kind: "ros1" or "ros2".
+        place: Path of the bag, for messages.
+    """
     types = {topic.name: current_name(topic.type) for topic in source.topics}
 
     def write(topic: str, name: str, stamp: int, data: bytes, given: Encoding) -> None:

@@ -107,7 +107,16 @@ def read_log(
 
 
 def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLog:
-    """Read a recording, by a mapping or as `read_log` does, and mend it."""
+    """Read a recording, by a mapping or as `read_log` does, and correct it.
+
+    Args:
+        path: The recording.
+        reading: Mapping and corrections.
+
+    Raises:
+        FileFormatError: No such file, unknown kind, or damaged.
+        InputError: The numbers are no recording.
+    """
     reading = reading if reading is not None else Reading()
     if reading.mapping is None:
         return reading.mend(read_log(path, units=reading.units, joint_names=reading.joint_names))
@@ -122,14 +131,24 @@ def read_torque_log(
     *,
     joints: Sequence[str] = (),
 ) -> MotionLog:
-    """Read a robot's recording for identification: by a mapping, a `.parquet` motion log, or a `.npz`; and mend it.
+    """Read a robot's recording for identification: by a mapping, a `.parquet` motion log, or a `.npz`; and correct it.
 
     Arrays of the `.npz`: `q` (N, n) in rad and m, `tau` (N, n) in Nm and N, `dq` (N, n) if recorded, and `fs` [Hz] or
     `t` (N,) [s] if the robot moves. `gravity` (N, 3) [m/s2], `base_rate` [rad/s] and `base_acceleration` [rad/s2], in
     base axes, where the base tilts or turns, `base_force` [N] and `base_moment` [Nm] that hold it. `effort` or
     `current` (N, n) in place of `tau` is what the robot reports raw; the robot's file then gives the torque per unit of
-    it. Joints are put into the robot's order; where only some `joints` are wanted, others may be missing, and all stay
-    in the file's order. It is mended as `trained` ones were.
+    it.
+
+    Args:
+        path: The recording.
+        model: The robot, in whose order joints are put.
+        reading: Mapping and corrections.
+        trained: Corrections of the recordings that the robot was identified from.
+        joints: Joints that are wanted; others may be missing, and all stay in the file's order. All when empty.
+
+    Raises:
+        FileFormatError: No such file, unknown kind, or damaged.
+        InputError: No torques, or other joints than the robot's.
     """
     reading = reading if reading is not None else Reading()
     mapping, ending = reading.mapping, format_of(path).ending
@@ -178,7 +197,12 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
 
 
 def write_pieces(logs: Iterable[MotionLog], path: str | Path) -> None:
-    """Write the pieces of a log as they come, one behind the other; what the last one says of itself is of all."""
+    """Write the pieces of a log one after the other; the last one's description is that of the whole.
+
+    Args:
+        logs: The pieces.
+        path: The file (.parquet).
+    """
     import pyarrow as pa
     import pyarrow.parquet as pq
 

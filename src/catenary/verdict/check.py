@@ -63,7 +63,13 @@ class Judged(NamedTuple):
 def findings_of(
     log: MotionLog, *, robot: RobotModel | None = None, max_error: Floats | None = None
 ) -> tuple[Finding, ...]:
-    """Return what is wrong with a recording, and what is worth knowing, the gravest first; see `judged`."""
+    """Return findings about a recording, most severe first; see `judged`.
+
+    Args:
+        log: The recording.
+        robot: Robot, whose limits positions are compared with.
+        max_error: Rows with larger errors are left out, (n,) [rad|m].
+    """
     return judged(log, robot=robot, max_error=max_error).findings
 
 
@@ -77,7 +83,17 @@ def judged(
     alone: bool = True,  # minutes that are there twice are looked for, too
     delays: KnownDelays | None = None,  # of this recording, robot and limits; what is found is put there
 ) -> Judged:
-    """Find what is wrong with a recording; what a fault hides, as if that were mended by its remedy, and say so."""
+    """Return findings about a recording; what a fault hides is found by correcting it first, and reported so.
+
+    Args:
+        log: The recording.
+        mend: Correction that it needs first.
+        robot: Robot, whose limits positions are compared with, by the names of joints.
+        max_error: Rows with larger errors are left out, as a fit leaves them out, (n,) [rad|m].
+        trained: Lowest and highest positions in training (n,) each.
+        alone: Whether duplicated segments are looked for, too.
+        delays: Known delays of this recording, robot and limits; new ones are added.
+    """
     found, seen, begun = list[Finding](), list[Finding](), mend
     delays = {} if delays is None else delays
     for _ in range(_MEND_ROUNDS):
@@ -185,7 +201,12 @@ def _relation(
 
 
 def robot_of(logs: Sequence[MotionLog], robot: str | None = None) -> RobotModel | None:
-    """Return the robot that recordings are of: the one of that name, or of theirs in the catalogue; None unknown."""
+    """Return the robot of recordings: the one named, or theirs in the catalogue; None if unknown.
+
+    Args:
+        logs: Recordings.
+        robot: Catalogue name or file.
+    """
     if robot is not None and (robot in robot_names() or Path(robot).is_file()):
         return load_robot(robot)
     named = {log.robot for log in logs}
@@ -211,7 +232,21 @@ def verdict(
     done: str = "fitted",
     delays: Sequence[KnownDelays] | None = None,  # of each; see `judged`
 ) -> Passed:
-    """Refuse recordings that no model is to be made from, or tested on; return what is worth knowing of others."""
+    """Refuse recordings that must not be fitted or tested on; return the results of the others.
+
+    Args:
+        logs: Recordings.
+        accept: Names of findings to continue despite.
+        robot: Robot, whose limits positions are compared with.
+        max_error: Rows with larger errors are left out, (n,) [rad|m].
+        testing: Whether they are tests, which may be short.
+        trained: Lowest and highest positions in training (n,) each.
+        done: What is done with them, for messages.
+        delays: Known delays of each; see `judged`.
+
+    Raises:
+        DataError: A finding is not accepted.
+    """
     require_names(accept)
     how: dict[str, Any] = {"robot": robot, "max_error": max_error, "trained": trained, "alone": False}
     known = [KnownDelays() for _ in logs] if delays is None else delays
@@ -226,7 +261,19 @@ def verdict(
 
 
 def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept: Collection[str] = ()) -> list[str]:
-    """Refuse tests of which rows were trained on, to seven digits, whatever their file is called; note the accepted."""
+    """Refuse tests with rows of the training, to seven digits, whatever their file is called.
+
+    Args:
+        train: Recordings that are fitted.
+        test: Recordings that are tested on.
+        accept: Names of findings to continue despite.
+
+    Returns:
+        Notes on accepted findings.
+
+    Raises:
+        DataError: A finding is not accepted.
+    """
     found = []
     for log in test:
         own = np.unique(log.row_hashes[log.ok])

@@ -118,10 +118,14 @@ def delay_of(
     *,
     change_sigmas: float = _CHANGE_SIGMAS,
 ) -> Delay:
-    """Estimate a recording's delay near `about` [s, or rows without stamps].
+    """Estimate a recording's delay.
 
-    `place` (n,) says which command each measurement follows; its own when None. A change along the recording must stand
-    out by `change_sigmas`: less where two clocks are known to have been at work.
+    Args:
+        log: The recording, with q_encoder.
+        place: Command that each measurement follows (n,); its own when None.
+        about: Delay near which to search [s, or rows without stamps].
+        change_sigmas: Significance of a change along the recording: less where two clocks are known to have been at
+            work.
     """
     assert log.q_encoder is not None
     in_time = log.time is not None

@@ -91,7 +91,16 @@ def require_names(accept: Collection[str]) -> None:
 
 
 def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = (), *, done: str = "fitted") -> list[str]:
-    """Refuse recordings with a finding that nobody accepted; return notes on all others."""
+    """Refuse recordings with a finding that is not accepted; return notes on all others.
+
+    Args:
+        findings: Pairs of a recording's name and a finding.
+        accept: Names of findings to continue despite.
+        done: What is done with the recordings, for messages.
+
+    Raises:
+        DataError: A finding is not accepted.
+    """
     require_names(accept)
     refused = [(where, each) for where, each in findings if each.refuses and each.name not in accept]
     if refused:

@@ -46,7 +46,15 @@ def slack_of(command: Floats, measured: Floats) -> float:
 
 @compiled
 def play(command: Floats, radius: float) -> Floats:
-    """Return where a joint is whose motor moves freely by `radius` to either side, (N,)."""
+    """Return the position of a joint whose motor moves freely within a play.
+
+    Args:
+        command: Positions of the motor (N,).
+        radius: Half-width of the play.
+
+    Returns:
+        (N,).
+    """
     joint = command.copy()
     for row in range(1, len(joint)):
         joint[row] = min(max(joint[row - 1], command[row] - radius), command[row] + radius)

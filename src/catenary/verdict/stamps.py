@@ -18,7 +18,12 @@ _MIN_STEPS_BACK = 4  # from which on that is asked: a clock may be set once or t
 
 
 def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
-    """Find stamps that repeat or are shuffled and, where positions are `in_si` and speeds mean something, not in s."""
+    """Return findings about stamps that repeat, are shuffled, or are not in s.
+
+    Args:
+        log: The recording.
+        in_si: Whether positions are in SI, so that speeds can tell the unit of time.
+    """
     if log.time is None:
         return []
     findings = []

@@ -20,7 +20,12 @@ _FAR_RAD = 1.0  # [rad] from the others of a measurement that is no matter of tu
 
 
 def unwrapped(values: Floats, turn: float) -> tuple[Floats, int]:
-    """Return values (M,) without jumps from one end of a turn to the other, and how many there were."""
+    """Return values without jumps from one end of a turn to the other, and the number of jumps.
+
+    Args:
+        values: (M,); NaN stays.
+        turn: Length of a turn.
+    """
     found = values.copy()
     finite = np.isfinite(values)
     x = values[finite]
@@ -35,7 +40,12 @@ def unwrapped(values: Floats, turn: float) -> tuple[Floats, int]:
 
 
 def turned_back(log: MotionLog, model: RobotModel | None = None) -> MotionLog:
-    """Return a log whose angles do not jump by a turn, within the robot's limits if it is known; its notes say so."""
+    """Return a log whose angles do not jump by a turn, within the robot's limits if it is known; its notes say so.
+
+    Args:
+        log: The recording.
+        model: Robot, if known.
+    """
     found: dict[str, Floats] = {}
     jumped, notes = set(log.joint_names if model is not None else ()), list[str]()
     for key in ("q_nominal", "q_encoder", "q_reported"):
@@ -63,7 +73,19 @@ def in_one_turn(
     model: RobotModel | None,
     jumped: Collection[str],
 ) -> tuple[Floats, Floats | None, list[str]]:
-    """Bring measurements into the commands' turn, and what `jumped` into the robot's limits, by whole turns; say so."""
+    """Bring measurements into the commands' turn, and jumping joints into the robot's limits, by whole turns.
+
+    Args:
+        q_nominal: Commands (N, n) [rad|m].
+        q_encoder: Measurements (N, n), if any.
+        units: "rad" or "m" of each joint.
+        names: Names of the joints.
+        model: Robot, if known.
+        jumped: Joints that jumped.
+
+    Returns:
+        Commands, measurements, and notes.
+    """
     q, measured = q_nominal.copy(), None if q_encoder is None else q_encoder.copy()
     notes = []
     for j in [j for j, unit in enumerate(units) if unit == "rad"]:

@@ -102,7 +102,13 @@ def _units_option(log: MotionLog, units: dict[int, str], array: str | None = Non
 
 
 def limits_of(log: MotionLog, robot: RobotModel | None, largest: dict[str, float]) -> tuple[Floats, Floats]:
-    """Return least and largest positions (n,) [rad|m] that are believed: the robot's limits by name, and a margin."""
+    """Return the plausible range of positions (n,) [rad|m]: the robot's limits by joint name, and a margin.
+
+    Args:
+        log: The recording.
+        robot: Robot, if known.
+        largest: Largest position by unit, for joints without limits.
+    """
     high = np.array([largest[unit] for unit in log.joint_units])
     low = -high
     if robot is None:
@@ -166,7 +172,12 @@ def tiny_findings(log: MotionLog) -> Iterator[Finding]:
 
 
 def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Finding]:
-    """Find positions far beyond those trained on, (n,) [rad|m], infinite if unknown, but within in another unit."""
+    """Return findings about positions far beyond those trained on that are within them in another unit.
+
+    Args:
+        log: The recording.
+        trained: Lowest and highest positions in training (n,) [rad|m]; infinite if unknown.
+    """
     low, high = trained
     least, most = _reached(log)
     known = np.isfinite(high - low) & (high > low)

@@ -106,6 +106,13 @@ def places_of(reference: str, streams: Sequence[Stream]) -> list[Place]:
     `position[0:6]`, `position[elbow]` by the name of the joint) or a pattern (`cmd_*`, in the file's order; names that
     differ in a number by that). In front of it stands a topic and a dot (`/arm/state.position`); of several tables, the
     name of the file and a colon.
+
+    Args:
+        reference: The reference.
+        streams: Tables and topics of the recording.
+
+    Raises:
+        InputError: No such column, or several.
     """
     stem, colon, rest = reference.partition(":")
     candidates: list[tuple[Stream, str]] = []
@@ -184,7 +191,12 @@ def _choices(reference: str, streams: Sequence[Stream]) -> str:
 
 
 def not_used(streams: Sequence[Stream], used: Mapping[str, Collection[str]]) -> tuple[str, ...]:
-    """Return what of a recording is unused: topics, arrays beside joints' names, columns (`tau1 ... tau7` as one)."""
+    """Return the unused parts of a recording: topics, arrays beside joints' names, columns (`tau1 ... tau7` as one).
+
+    Args:
+        streams: Tables and topics of the recording.
+        used: Columns used of each stream.
+    """
     found: list[str] = []
     for stream in streams:
         mine = set(used.get(stream.name, ()))

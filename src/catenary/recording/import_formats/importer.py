@@ -119,18 +119,33 @@ class NoRowError(InputError):
 
 
 def columns_wanted(sources: Sources, mapping: RecordingMapping) -> Mapping[str, Collection[str]]:
-    """Return the columns that a mapping wants of each stream, those of time among them; q_nominal's stream first."""
+    """Return the columns that a mapping wants of each stream, those of time included; q_nominal's stream first.
+
+    Args:
+        sources: Files of the recording.
+        mapping: Columns of each quantity.
+    """
     return _Columns(", ".join(path.name for path in sources.paths), mapping, sources.streams).wanted
 
 
 def synchronise(
     sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None, is_piece: bool = False
 ) -> Synchronisation:
-    """Read a recording by a mapping, on one clock; `model` is the mapping's robot when None.
+    """Read a recording by a mapping, on one clock.
 
-    Rows are the samples of q_nominal; what has other stamps is interpolated between its two neighbours in time, and
-    `ok` is cleared where q_encoder has none within the gap. Rows that lack q_nominal, qd, tau or a signal are left out.
-    On a piece of a longer recording q_encoder may be on no row, and the sample tells whether what is optional is there.
+    Rows are the samples of q_nominal; quantities with other stamps are interpolated between their two neighbours in
+    time, and `ok` is cleared where q_encoder has none within the gap. Rows that lack q_nominal, qd, tau or a signal are
+    left out.
+
+    Args:
+        sources: Files of the recording.
+        mapping: Columns of each quantity.
+        model: Robot; the mapping's when None.
+        is_piece: Whether this is a piece of a longer recording, where q_encoder may be on no row, and optional
+            quantities are those of the sample.
+
+    Raises:
+        InputError: A column is missing, units contradict the joints', or no row is left.
     """
     where = ", ".join(path.name for path in sources.paths)
     if model is None and mapping.robot is not None:

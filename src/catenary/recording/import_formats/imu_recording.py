@@ -53,7 +53,17 @@ def read_imu(
     matrices: tuple[Floats, Floats] | None = None,
     has_units: bool = False,  # the matrices make SI of units too; those in names do not count then
 ) -> ImuRecording:
-    """Read the readings of an inertial unit."""
+    """Read the samples of an inertial unit.
+
+    Args:
+        path: Bag or table.
+        topic: Topic of a bag with several Imu topics.
+        columns: Columns of a table: three of the accelerometer, and three of the gyroscope if any; inferred from their
+            names when empty.
+        time: Column and unit of time, `t_us@us`; inferred from names and steps when None.
+        matrices: Matrices (3, 3) applied to accelerometer and gyroscope, to order their axes.
+        has_units: Whether the matrices convert to SI too; units in names are ignored then.
+    """
     sources = Sources([path])
     stream = _stream(path, sources.streams, topic)
     names = [place.column for name in columns for place in places_of(name, [stream])]

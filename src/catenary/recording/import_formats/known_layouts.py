@@ -56,7 +56,12 @@ _RAVEN_STATE = "RAVEN-II's recorded state (jpos, jpos_d, pos, pos_d)"
 
 
 def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
-    """Bring a tracker's positions of a PSM's joints onto the stamps of its measured_js, below such as /PSM1."""
+    """Read a PSM's bags: a tracker's joint positions interpolated at the stamps of measured_js.
+
+    Args:
+        paths: The bags.
+        namespace: Name of the arm: /PSM1.
+    """
     psm_topic(namespace, "measured_js")  # refuses a namespace that no PSM has
     return synchronise(Sources(paths), layout_mapping("recording/dvrk_psm", namespace=f"/{namespace.strip('/')}"))
 
@@ -90,7 +95,14 @@ def layout_of_files(paths: Sequence[Path]) -> str | None:
 def read_layout(
     paths: Sequence[Path], layout: str, *, model: RobotModel | None = None, units: Sequence[str] | None = None
 ) -> MotionLog:
-    """Read a recording of a known layout, but a motion log; `units` ("rad" or "m") are for files without."""
+    """Read a recording of a known layout other than a motion log.
+
+    Args:
+        paths: Its files.
+        layout: Name of the layout.
+        model: Robot, whose side of a RAVEN-II is read.
+        units: "rad" or "m" per joint, for files without.
+    """
     path = paths[0]
     if layout in (_RAVEN_BAG, _RAVEN_CSV):
         arm: Arm = "green" if model is not None and model.name == ROBOT["green"] else "gold"
@@ -190,11 +202,16 @@ def _require_rows(
 
 
 def read_raven(paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[str] = ()) -> Synchronisation:
-    """Bring a RAVEN-II's encoders onto the stamps of its raven_state.
+    """Read a RAVEN-II's recording: encoders interpolated at the stamps of raven_state.
 
     `q_nominal` and `qd` are jpos and jvel, `tau` the commanded torque at the joint, `q_encoder` ext_jpos; signals are
-    q:<joint> and tau:<joint> of roll, wrist, jaws and the unused channel, and further columns that are asked for, such
-    as ("mpos", "encVals"), or ("all",). measured_js, which repeats jpos, is only reported on.
+    q:<joint> and tau:<joint> of roll, wrist, jaws and the unused channel. measured_js, which repeats jpos, is only
+    reported on.
+
+    Args:
+        paths: Bags, or a table.
+        arm: Side.
+        columns: Further columns, such as ("mpos", "encVals"), or ("all",).
     """
     further = further_columns(columns, arm)
     is_table = format_of(paths[0]).ending == ".csv"  # which does not say of which robot it is

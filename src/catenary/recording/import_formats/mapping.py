@@ -192,9 +192,16 @@ def mapping_of(
 ) -> RecordingMapping | None:
     """Return the mapping that options give, on top of a file's, or of its content; None where there is none of them.
 
-    Options are such as "q_nominal=/raven/joint_cmd.position", "q_encoder=a,b,-c@deg,deg,mm", "ok=valid", "time=t@ms" or
-    "signal:force=/ati.wrench.force.x@N". A minus turns a column round; units follow an @. `units` of the joints, one or
-    one per joint, are those of options that have none. Further keys, such as robot, are left out where they are None.
+    Args:
+        options: Such as "q_nominal=/raven/joint_cmd.position", "q_encoder=a,b,-c@deg,deg,mm", "ok=valid", "time=t@ms"
+            or "signal:force=/ati.wrench.force.x@N". A minus reverses a column; units follow an @.
+        file: TOML file of a mapping.
+        content: Its content, in place of a file.
+        units: Units of the joints, one or one per joint, of options that have none.
+        settings: Further keys, such as robot; None is left out.
+
+    Raises:
+        ConfigError: The mapping is none.
     """
     own = {key: value for key, value in (settings or {}).items() if value is not None}
     if not options and file is None and content is None:

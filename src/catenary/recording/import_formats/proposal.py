@@ -79,7 +79,14 @@ class _Draft:
 def propose(
     sources: Sources, *, robot: str | None = None, units: str | None = None, answers: Mapping[str, str] | None = None
 ) -> Proposal:
-    """Propose which columns are which quantity; `units` are of q_nominal, and of q_encoder if it states none."""
+    """Propose which columns are which quantity.
+
+    Args:
+        sources: Files of the recording.
+        robot: Catalogue name or file: names, units and limits of the joints.
+        units: Units of q_nominal, and of q_encoder if it states none.
+        answers: Answers to open questions.
+    """
     draft = _Draft(answers or {})
     model = None if robot is None else load_robot(robot)
     found = _not_set_aside(candidates_of(sources.streams, sources.today, model), draft)

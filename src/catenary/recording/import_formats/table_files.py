@@ -39,7 +39,18 @@ _METRES = {"meters": 1.0, "centimeters": 1e-2, "millimeters": 1e-3}
 
 
 def read_rows(path: Path, names: Sequence[str]) -> Floats:
-    """Read columns of a table by their names, (N, k)."""
+    """Read columns of a table by their names.
+
+    Args:
+        path: The table.
+        names: Names of k columns.
+
+    Returns:
+        (N, k).
+
+    Raises:
+        FileFormatError: A column is missing.
+    """
     (stream,) = read_table_file(path)
     missing = [name for name in names if name not in stream.columns]
     if missing:

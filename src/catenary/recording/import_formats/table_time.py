@@ -96,9 +96,17 @@ class TableTime(NamedTuple):
 def time_of(
     stream: Stream, columns: Sequence[str], unit: str | None, rate: float | None, *, today: float
 ) -> TableTime | None:
-    """Return the stamps of a table's rows by `columns`, a name or the rate; None where it has none.
+    """Return the stamps of a table's rows; None where it has none.
 
-    No known clock reads more than `today` [s since 1970], and a day for time zones.
+    Args:
+        stream: The table.
+        columns: Columns of time.
+        unit: Unit, or a name of it; inferred when None.
+        rate: Rate of rows without time [Hz].
+        today: Latest time that a clock can show, but for a day of time zones [s since 1970].
+
+    Raises:
+        InputError: Both columns and rate are given.
     """
     if rate is not None:
         if columns:
