@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 
 from catenary.arrays import Floats
 from catenary.identification.explanations.evidence import Evidence
-from catenary.identification.explanations.search import explain
+from catenary.identification.explanations.search import find_explanation
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import prepare
 from catenary.robots.catalog import load_robot
@@ -32,7 +32,7 @@ def torques(truth: Truth, joint: int) -> tuple[Floats, tuple[Floats, ...]]:
     """Return time (N,), and the torque of a joint as recorded, as explained, and without the cause, (N,) each [Nm]."""
     model = load_robot(truth.robot)
     evidence = Evidence(model, prepare(known_torques(truth), model, IdentifyOptions(), within_limits=False))
-    found = explain(evidence)
+    found = find_explanation(evidence)
     rows, supposed, fit = evidence.rows, found.supposed, found.fit
     time, beta = rows.samples.time[rows.at], fit.beta
     arm = evidence.columns(supposed)[0] @ beta  # in the arm's own joints

@@ -24,9 +24,9 @@ def record_short(folder: Path) -> Project:
     """Home a robot, record both motions and extract them."""
     project, robot = Project(folder, SHORT), SimulatedRobot()
     robot.home(project)
-    robot.record(project, calibrate.TRAIN, *calibrate.excitation(project), after="home")
+    robot.record(project, calibrate.TRAIN, *calibrate.training_motion(project), after="home")
     robot.record(
-        project, calibrate.TEST, *calibrate.random_motion(project, 60.0 * SHORT.test_minutes), after=calibrate.TRAIN
+        project, calibrate.TEST, *calibrate.evaluation_motion(project, 60.0 * SHORT.test_minutes), after=calibrate.TRAIN
     )
     for name in (calibrate.TRAIN, calibrate.TEST):
         extract_recording(project, name)

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from catenary.archives import MAX_UNPACKED_BYTES, read_array, read_arrays, unpacked
+from catenary.archives import MAX_UNPACKED_BYTES, decompressed, read_array, read_arrays
 from catenary.errors import FileFormatError
 
 
@@ -156,9 +156,9 @@ PACK = {"bz2": bz2.compress, "lz4": lz4.frame.compress, "zstd": lambda data: pa.
 def test_packed_bytes_are_unpacked_no_further_than_allowed(kind: Any) -> None:
     content = bytes(100_000)
     packed = PACK[kind](content)
-    assert unpacked(packed, kind, 100_000) == content
+    assert decompressed(packed, kind, 100_000) == content
     for wrong in (packed[:-6], b"x" * 100):
         with pytest.raises(ValueError, match="cannot be unpacked"):
-            unpacked(wrong, kind, 100_000)
+            decompressed(wrong, kind, 100_000)
     with pytest.raises(ValueError, match="more than 99999 bytes"):
-        unpacked(packed, kind, 99_999)
+        decompressed(packed, kind, 99_999)

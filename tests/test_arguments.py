@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 import catenary
-from catenary.arguments import expected, explained, fits
+from catenary.arguments import expected_text, explained, fits
 from catenary.calibration.calibration import MotionArrays
 from catenary.errors import CatenaryError, InputError
 from catenary.plant import Plant
@@ -246,7 +246,7 @@ def test_an_error_that_no_argument_explains_stays_as_it_is() -> None:
 def test_an_annotation_is_asked_of_a_value(hint: Any, right: tuple, wrong: tuple, words: str) -> None:
     assert [fits(value, hint) for value in right] == [True] * len(right)
     assert [fits(value, hint) for value in wrong] == [False] * len(wrong)
-    assert expected(hint) == words
+    assert expected_text(hint) == words
 
 
 def test_a_wrong_argument_of_a_method_is_told_too() -> None:

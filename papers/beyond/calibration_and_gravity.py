@@ -32,7 +32,7 @@ from catenary.control.pd import JointPD
 from catenary.errors import InputError
 from catenary.plant import Plant
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
-from catenary.workflows.trials import HOLD_START, SimulatedArm, hold, raven_arm, with_approach
+from catenary.workflows.trials import HOLD_START, SimulatedArm, hold_arm, raven_arm, with_approach
 from papers.beyond import tilted_calibration as tilted
 from papers.beyond.tilted_calibration import BASES, LEVEL_BASE, ROCKING, homed_level, put_on
 from papers.calibration.recordings import SPARSITIES, calibration_log, draws, fitted
@@ -193,7 +193,7 @@ def _drift(arm: SimulatedArm, models: Mapping[str, CalibrationModel], name: str,
     alone: GravityHold | CalibratedGravity = GravityHold(arm.model)
     if name != REPORTED:
         alone = CalibratedGravity(arm, models[name], gains=False)
-    drift: list[float] = (SHOWN * hold(arm, alone, HOLD_START, seconds).drift).tolist()
+    drift: list[float] = (SHOWN * hold_arm(arm, alone, HOLD_START, seconds).drift).tolist()
     return drift
 
 

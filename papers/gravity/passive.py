@@ -29,7 +29,7 @@ from catenary.arrays import Floats
 from catenary.control.controllers import make_hold
 from catenary.control.loop import GravitySource
 from catenary.spatial import LEVEL
-from catenary.workflows.trials import HOLD_START, SimulatedArm, hold, raven_arm, rigid_arm
+from catenary.workflows.trials import HOLD_START, SimulatedArm, hold_arm, raven_arm, rigid_arm
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Run, Scope, TitledTable, run
 from papers.figures import COLORS, legend_above, panels
 from papers.gravity.raven_base import SHOWN, raven_of_2014, rocking_base, turned_base
@@ -96,7 +96,7 @@ def rocked(*, seed: int | None, hz: float, seconds: float) -> Result:
 
 
 def _drift(arm: SimulatedArm, name: str, seconds: float, sensed: GravitySource | None = None) -> list[float]:
-    held = hold(arm, make_hold(name, arm), HOLD_START, seconds, gravity=sensed)
+    held = hold_arm(arm, make_hold(name, arm), HOLD_START, seconds, gravity=sensed)
     drift: list[float] = (held.drift * SHOWN).tolist()
     return drift
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from catenary import RobotModel, compact_regressor, gravity_regressor
 from catenary.arrays import Floats
-from catenary.dynamics.lines import empty, placed
+from catenary.dynamics.lines import new_terms, placed
 from catenary.dynamics.recursion import Vector, cross, dot, put, row, times, transpose_times
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line
@@ -48,7 +48,7 @@ def full_line(model: RobotModel) -> Line:
     n, m = len(model.tree.parent), len(parents)
     width = 3 * (n + 1)
     g = p.trace.inputs("gravity", 3)
-    link_gravity = empty(m + 1, 3)
+    link_gravity = new_terms(m + 1, 3)
     put(link_gravity, m, (g[0], g[1], g[2]))
     for i, parent in enumerate(parents):
         put(link_gravity, i, transpose_times(p.rotation, i, row(link_gravity, parent)))

@@ -68,7 +68,7 @@ def read_array(path: Path) -> NDArray[Any]:
     return array
 
 
-def unpacked(data: bytes, kind: Literal["bz2", "lz4", "zstd"], most: int) -> bytes:
+def decompressed(data: bytes, kind: Literal["bz2", "lz4", "zstd"], most: int) -> bytes:
     """Return decompressed bytes, refusing more than a limit.
 
     Args:

@@ -119,7 +119,7 @@ def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], named: 
             cut = f"{shown[:_MAX_SHOWN_LETTERS]}..." if len(shown) > _MAX_SHOWN_LETTERS else shown
             wants_robot = getattr(hints[name], "__name__", "") == "RobotModel" and isinstance(value, str)
             hint = f'; catenary.load_robot("{value}") may make one' if wants_robot else ""
-            wanted = expected(hints[name]) + (", not negative" if is_negative_seed else "")
+            wanted = expected_text(hints[name]) + (", not negative" if is_negative_seed else "")
             return f"{name}: expected {wanted}, got {type(value).__name__} {cut}{hint}"
     return None
 
@@ -162,14 +162,14 @@ def fits(value: Any, hint: Any) -> bool:
     return isinstance(value, hint)
 
 
-def expected(hint: Any) -> str:
+def expected_text(hint: Any) -> str:
     """Return an annotation in words."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return expected(parts[0])
+        return expected_text(parts[0])
     if origin in (Union, types.UnionType):
         has_array, rest = _members_of_union(parts)
-        return " or ".join(dict.fromkeys(["numbers"] * has_array + [*map(expected, rest)]))
+        return " or ".join(dict.fromkeys(["numbers"] * has_array + [*map(expected_text, rest)]))
     if origin is Literal:
         return "one of " + ", ".join(map(repr, parts))
     plain = {types.NoneType: "None", float: "a number", int: "a whole number", np.ndarray: "a NumPy array"}

@@ -16,7 +16,7 @@ import pinocchio
 
 from catenary import RobotModel
 from catenary.arrays import Floats
-from catenary.dynamics.lines import empty
+from catenary.dynamics.lines import new_terms
 from catenary.dynamics.recursion import gravity_recursion, place_joints
 
 SOURCE = """\
@@ -132,9 +132,9 @@ def casadi_gravity(
     values = [x[i] for i in range(n)]
     functions = (lambda v: v, casadi.sin, casadi.cos)
     columns = [np.array([f(v) for v in values] + [None], dtype=object)[:n] for f in functions]
-    rotation, position, torque = empty(n, 3, 3), empty(n, 3), empty(n)
+    rotation, position, torque = new_terms(n, 3, 3), new_terms(n, 3), new_terms(n)
     place_joints(model.tree, *columns, rotation, position)
-    work = empty(n + 1), empty(n + 1, 3), empty(n + 1, 3)
+    work = new_terms(n + 1), new_terms(n + 1, 3), new_terms(n + 1, 3)
     gravity_recursion(model.tree, rotation, position, (g[0], g[1], g[2]), *work, torque)
     function = casadi.Function("gravity", [x, g], [casadi.vertcat(*torque)])
     written = folder / f"{model.name}_casadi.c"

@@ -17,7 +17,7 @@ from catenary.dynamics.lines import (
     mass_matrix_line,
 )
 from catenary.gravity.torque import gravity_torque
-from catenary.kernels.tracing import evaluate
+from catenary.kernels.tracing import evaluate_line
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from oracles.random_trees import Floats, RandomRobot, random_robot
@@ -75,7 +75,7 @@ def test_traces_of_sixty_trees_give_what_the_recursions_give(random_robots: list
             (*lines, forward_kinematics_line(m, frame)), expected_of(m, frame, **given), strict=True
         ):
             limit = 1e-12 * max(1.0, np.abs(expected).max())
-            assert_allclose(evaluate(line, **given), expected.ravel(), rtol=0.0, atol=limit, err_msg=m.name)
+            assert_allclose(evaluate_line(line, **given), expected.ravel(), rtol=0.0, atol=limit, err_msg=m.name)
 
 
 def test_many_configurations_go_through_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:

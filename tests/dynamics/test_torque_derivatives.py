@@ -8,7 +8,7 @@ from catenary.dynamics.lines import inverse_dynamics_line
 from catenary.dynamics.torque_derivatives import torque_derivatives
 from catenary.errors import MissingInertiaError
 from catenary.kernels.derivatives import derivative_line
-from catenary.kernels.tracing import evaluate
+from catenary.kernels.tracing import evaluate_line
 from catenary.robots.catalog import load_robot
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order, pinocchio_vector
 
@@ -26,7 +26,7 @@ def test_derivatives_are_those_of_pinocchio(random_robots, rng: np.random.Genera
         theirs = pinocchio.computeRNEADerivatives(pin, data, *(pinocchio_vector(robot, pin, v) for v in motion))
         # run as Python: to compile a line takes seconds
         line = derivative_line(inverse_dynamics_line(m, moving_base=False), ("q", "qd", "qdd"))
-        both = np.reshape(evaluate(line, q=q, qd=qd, qdd=qdd, gravity=gravity), (m.n, 3, m.n))
+        both = np.reshape(evaluate_line(line, q=q, qd=qd, qdd=qdd, gravity=gravity), (m.n, 3, m.n))
         for ours, of_tree in zip(both.swapaxes(0, 1), theirs, strict=True):
             expected = m.coupling.T @ np.asarray(of_tree)[np.ix_(order, order)] @ m.coupling
             assert_allclose(ours, expected, atol=1e-9, err_msg=m.name)

@@ -23,9 +23,9 @@ STROLL = [[0.52, 1.57, 0.40], [0.7, 1.5, 0.395], [0.6, 1.7, 0.39], [0.55, 1.5, 0
 def test_served_robot_is_calibrated_to_its_report(meeting: Meeting, tmp_path, monkeypatch) -> None:
     programs, ros = meeting
     motion = follow_waypoints(STROLL, speed=[0.1, 0.1, 0.005])  # 7 s: from less than 5 s nothing is learnt
-    monkeypatch.setattr(calibrate, "excitation", lambda project: (motion, "a stroll"))
+    monkeypatch.setattr(calibrate, "training_motion", lambda project: (motion, "a stroll"))
     monkeypatch.setattr(calibrate, "models_for", lambda robot, seed: QUICK_MODELS)
-    monkeypatch.setattr(calibrate, "random_motion", lambda project, seconds, number=0: (motion, "another"))
+    monkeypatch.setattr(calibrate, "evaluation_motion", lambda project, seconds, number=0: (motion, "another"))
     project = tmp_path / "project"
     with Program(programs, PATIENT_COMMAND, "serve", "--ros", ros, "--homed", "--json") as server:
         server.line()  # it is up

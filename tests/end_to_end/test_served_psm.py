@@ -119,7 +119,7 @@ def test_a_project_homes_and_records_it_over_a_transport(tmp_path):
         RosRobot(robot.client, AnswerYes(lambda _: None), simulated=True),
     )
     assert lab.home(project)
-    lab.record(project, calibrate.TRAIN, *calibrate.excitation(project), after="home")
+    lab.record(project, calibrate.TRAIN, *calibrate.training_motion(project), after="home")
     extract_recording(project, calibrate.TRAIN)
     log = read_log(motion_log_path(project, calibrate.TRAIN))
     assert (log.joint_names, log.simulated) == (PSM_JOINTS, True)

@@ -11,7 +11,7 @@ from catenary.gravity import written_terms
 from catenary.gravity.compact_regressor import compact_regressor, gravity_latex
 from catenary.gravity.gravity_regressor import gravity_parameters, gravity_regressor
 from catenary.gravity.torque import gravity_torque
-from catenary.kernels.tracing import evaluate
+from catenary.kernels.tracing import evaluate_line
 from catenary.robots.assembly import Coordinate, Link, assemble
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
@@ -79,7 +79,7 @@ def test_compact_form_holds_what_the_full_form_holds(random_robots, rng):
         Z = regressor.Z(q, gravity)
         assert_allclose(Z @ regressor.parameters(), full, atol=1e-10, err_msg=m.name)
         assert Z.shape[-1] == len(regressor.labels) == len(regressor.units)
-        traced = evaluate(regressor.line(), q=q[0], gravity=gravity[0])
+        traced = evaluate_line(regressor.line(), q=q[0], gravity=gravity[0])
         assert_allclose(traced, Z[0].ravel(), rtol=0.0, atol=1e-12, err_msg=m.name)
 
 

@@ -12,13 +12,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.collision.scene import box_at, floor_at
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import ExcitationError, InputError, LimitError
-from catenary.identification.excitation import MotionLimits, fourier_motion, room_of, series_at_rest, static_poses
+from catenary.identification.excitation import MotionLimits, fourier_motion, motion_room, series_at_rest, static_poses
 from catenary.robots.actuation import Friction
 from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
 from colliding_arm import PANDA, apart, capsule_arm, motion
 
-LIMITS = MotionLimits(PANDA, room_of(PANDA), np.array(LEVEL))
+LIMITS = MotionLimits(PANDA, motion_room(PANDA), np.array(LEVEL))
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_no_motion_is_given_where_none_keeps_clear():
 
 
 def test_a_robot_too_weak_for_its_weight_is_refused():
-    weak = replace(LIMITS, room=room_of(PANDA, effort=np.full(7, 1e-3)))
+    weak = replace(LIMITS, room=motion_room(PANDA, effort=np.full(7, 1e-3)))
     with pytest.raises(InputError, match=r"none of 6000 poses within .* its own weight cannot be held$"):
         fourier_motion(weak, np.random.default_rng(0), trials=2)
 
@@ -143,14 +143,14 @@ def test_a_series_begins_and_ends_at_rest(seed, harmonics):
     assert_allclose(q[0], q[1], atol=1e-11)
 
 
-ROOM = room_of(PANDA)
+ROOM = motion_room(PANDA)
 BOUNDS = MotionLimits(PANDA, ROOM, np.array(LEVEL))
 
 
 @given(st.integers(0, 10**6), st.floats(0.02, 1.0), st.floats(0.3, 1.0), st.floats(1.0, 6.0))
 @settings(max_examples=4)
 def test_designed_motions_keep_every_limit_whatever_they_are(seed, slow, weak, brisk):
-    room = room_of(
+    room = motion_room(
         PANDA,
         velocity=slow * PANDA.velocity_limit,
         effort=np.maximum(weak * PANDA.effort_limit, [1, 60, 1, 30, 1, 5, 1]),  # what its weight needs
@@ -214,5 +214,5 @@ def test_poses_whose_weight_cannot_be_held_are_not_free():
 )
 def test_limits_that_cannot_be_are_refused(name, limits, said):
     with pytest.raises(InputError) as caught:
-        room_of(load_robot(name), **limits)
+        motion_room(load_robot(name), **limits)
     assert said in str(caught.value)

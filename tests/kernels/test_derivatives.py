@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 
 from catenary.errors import InputError
 from catenary.kernels.derivatives import derivative_line
-from catenary.kernels.tracing import Trace, evaluate
+from catenary.kernels.tracing import Trace, evaluate_line
 
 
 def test_derivatives_follow_sums_products_and_angles() -> None:
@@ -16,8 +16,8 @@ def test_derivatives_follow_sums_products_and_angles() -> None:
     a, b, c = 0.4, -1.2, 2.5
     s, k = math.sin(2 * a + 0.3), math.cos(2 * a + 0.3)
     expected = [2 * k * b, s, 4 * k * s * c, 0.0, 0.0, 0.0, 0.0, 1.0]
-    assert_allclose(evaluate(derivative_line(line, ["x"]), x=[a, b], y=[c]), expected, atol=1e-15)
-    assert_allclose(evaluate(derivative_line(line, ["y"]), x=[a, b], y=[c]), [-3.0, -k * k, 0.0, 0.0], atol=1e-15)
+    assert_allclose(evaluate_line(derivative_line(line, ["x"]), x=[a, b], y=[c]), expected, atol=1e-15)
+    assert_allclose(evaluate_line(derivative_line(line, ["y"]), x=[a, b], y=[c]), [-3.0, -k * k, 0.0, 0.0], atol=1e-15)
 
 
 def test_friction_is_not_differentiated() -> None:

@@ -15,7 +15,7 @@ from catenary.dynamics.lines import gravity_line, mass_matrix_line
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError
 from catenary.kernels.kernel import Kernel
-from catenary.kernels.tracing import evaluate
+from catenary.kernels.tracing import evaluate_line
 from catenary.robots.catalog import load_robot
 
 MODEL = load_robot("raven2")
@@ -37,7 +37,7 @@ def states() -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("size", [1.0, 1e7, np.nan])
 def test_calls_give_what_the_operations_give(kernel: Kernel, states, size: float) -> None:
     for q, gravity in zip(*states, strict=True):
-        expected = evaluate(LINE, q=size * q, gravity=gravity)
+        expected = evaluate_line(LINE, q=size * q, gravity=gravity)
         # angles of 1e7 rad, beyond the quick sines, are rounded to 1e-9; NaN gives NaN
         assert_allclose(kernel(size * q, gravity), expected, rtol=0.0, atol=1e-12 * np.nan_to_num(size))
 
@@ -63,7 +63,7 @@ def test_results_are_new_arrays_of_the_given_shape(kernel: Kernel) -> None:
     assert not np.shares_memory(first, second)
     assert sys.getrefcount(first) == 2  # the name and the argument
     matrix = Kernel("raven2-mass-matrix", mass_matrix_line(load_robot("raven2")), (3, 3))
-    assert_allclose(matrix(Q).ravel(), evaluate(matrix.line, q=Q), rtol=1e-12)
+    assert_allclose(matrix(Q).ravel(), evaluate_line(matrix.line, q=Q), rtol=1e-12)
     assert matrix.rows(Q[None]).shape == (1, 3, 3)
 
 

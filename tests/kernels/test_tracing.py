@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from catenary.kernels.tracing import Symbol, Term, Trace, evaluate
+from catenary.kernels.tracing import Symbol, Term, Trace, evaluate_line
 
 CONSTANTS = (-2.0, -1.0, -0.5, 0.0, 0.3, 1.0, 3.0)
 leaves = st.one_of(st.sampled_from(CONSTANTS), st.sampled_from("xyz"))
@@ -62,7 +62,7 @@ def size_of(expression, x) -> float:
 def test_a_trace_gives_what_the_expression_gives(expression, x) -> None:
     trace, term = traced(expression)
     expected = build(expression, x, lambda a: (math.sin(a), math.cos(a)))
-    given_ = evaluate(trace.line([term]), x=x)[0]
+    given_ = evaluate_line(trace.line([term]), x=x)[0]
     # sums are reordered: some 25 roundings of what may be nested in sines of large arguments
     assert_allclose(given_, expected, rtol=0.0, atol=1e-12 * (1.0 + size_of(expression, x)))
 
@@ -129,7 +129,7 @@ def test_quarter_turns_are_exact(quarters: int) -> None:
     line = trace.line(trace.sine_cosine(x + quarters * math.pi / 2))
     assert line.operations == 0
     assert_allclose(
-        evaluate(line, x=[0.7]),
+        evaluate_line(line, x=[0.7]),
         [math.sin(0.7 + quarters * math.pi / 2), math.cos(0.7 + quarters * math.pi / 2)],
         atol=1e-15,
     )
@@ -142,4 +142,4 @@ def test_nan_reaches_what_depends_on_it_and_nothing_else() -> None:
     trace = Trace()
     x, y, _ = trace.inputs("x", 3)
     line = trace.line([x * y + 1.0, 0.0 * x + y])
-    assert np.isnan(evaluate(line, x=[np.nan, 2.0, 0.0])).tolist() == [True, False]
+    assert np.isnan(evaluate_line(line, x=[np.nan, 2.0, 0.0])).tolist() == [True, False]

@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
-from catenary.kernels.tracing import evaluate
+from catenary.kernels.tracing import evaluate_line
 from catenary.sensing.tool_compensation import JointMotion, ToolCompensation, tool_line
 from catenary.spatial import LEVEL
 from oracles.sensed_tool import ARM, POSE, SensedTool
@@ -104,7 +104,7 @@ def test_the_traced_load_is_pinocchios(rng):
     wrist = SensedTool(12, noise=0.0)
     tool, _ = wrist.weighed().weigh()
     q, qd, qdd = rng.normal(size=(3, 6))
-    found = evaluate(tool_line(ARM, tool), q=q, qd=qd, qdd=qdd, gravity=LEVEL)
+    found = evaluate_line(tool_line(ARM, tool), q=q, qd=qd, qdd=qdd, gravity=LEVEL)
     assert_allclose(found, wrist.load(q, qd, qdd), atol=1e-9)
 
 

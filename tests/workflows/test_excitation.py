@@ -8,7 +8,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from catenary.collision.scene import floor_at
 from catenary.errors import InputError
-from catenary.identification.excitation import room_of
+from catenary.identification.excitation import motion_room
 from catenary.robots.catalog import load_robot
 from catenary.robots.shapes import load_geometry
 from catenary.workflows.excitation import MotionSurroundings, design_excitation, write_motion, write_trajectory
@@ -16,7 +16,7 @@ from catenary.workflows.robot.operator_motion import read_followed_file
 from colliding_arm import PANDA
 
 GEOMETRY = load_geometry("panda", PANDA)
-ROOM = room_of(PANDA)
+ROOM = motion_room(PANDA)
 LEVEL = np.array([0.0, 0.0, -9.81])
 
 
@@ -46,12 +46,12 @@ def test_a_design_says_what_it_keeps_and_what_is_assumed(motion):
 
 def test_torques_that_cannot_be_told_are_said_to_be_unchecked():
     raven = load_robot("raven2")
-    room = room_of(raven, velocity=[1.0, 1.0, 0.1])
+    room = motion_room(raven, velocity=[1.0, 1.0, 0.1])
     found = design(MotionSurroundings(load_geometry("raven2", raven)), raven, room)
     assert any("torques are unchecked: raven2 has no limits of them" in note for note in found.notes)
     assert any("kept from hitting itself alone" in note for note in found.notes)
     bare = load_robot("dvrk_psm_motors")
-    room = room_of(bare, lower=-np.full(7, 1.5), upper=np.full(7, 1.5), velocity=np.full(7, 3.0), effort=np.ones(7))
+    room = motion_room(bare, lower=-np.full(7, 1.5), upper=np.full(7, 1.5), velocity=np.full(7, 3.0), effort=np.ones(7))
     found = design(MotionSurroundings(None, unchecked="no shapes"), bare, room)
     assert any("torques are unchecked: dvrk_psm_motors has no masses" in note for note in found.notes)
 

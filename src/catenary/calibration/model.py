@@ -243,7 +243,7 @@ class CalibrationModel(OnScreen):
         return [
             *self.features.row_steps(signals, memory, X, np.full(len(q), slower), leaping),
             *self.steps(X, q, correction, inside, interval, leaping),
-            Step(arithmetic.total, (q, correction), (calibrated,)),
+            Step(arithmetic.add_rows, (q, correction), (calibrated,)),
         ]
 
     def calibrate(self, log: MotionLog) -> Floats:

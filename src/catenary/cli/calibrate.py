@@ -250,17 +250,17 @@ def _in_a_loop(project: Path, model: "CalibrationModel", seconds: float, *, real
     from catenary.config import plain_data
     from catenary.reports.project import corrector_time, deployed_table
     from catenary.simulation.firmware_plant import restore_plant
-    from catenary.workflows.project.calibrate import TRAIN, random_motion
-    from catenary.workflows.project.kinds import kind_of
+    from catenary.workflows.project.calibrate import TRAIN, evaluation_motion
+    from catenary.workflows.project.kinds import project_kind
     from catenary.workflows.project.robot import deploy_on_robot, left_at
 
     require_project(project)
     opened = open_project(project)
-    plant = kind_of(opened.settings).plant()
+    plant = project_kind(opened.settings).plant()
     left = left_at(opened, TRAIN)
     restore_plant(plant, left if left.is_file() else left_at(opened, "home"))
     plant.state_command("enable")
-    motion, _ = random_motion(opened, seconds, 1)
+    motion, _ = evaluation_motion(opened, seconds, 1)
     with progress_bar(f"{seconds:g} s at 1 kHz"):
         result = deploy_on_robot(plant, model, motion, real_time=real_time)
     took = None if result.compute_us is None or not real_time else result.compute_us["median"]

@@ -249,7 +249,7 @@ def track(
     _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, shown)
 
 
-def hold(
+def hold_arm(
     conditions: Conditions,
     sensing: SensingOptions,
     description: DescriptionOptions,
@@ -267,7 +267,7 @@ def hold(
     Example: catenary hold raven2 --base-tilt-deg 0,180 --seconds 2
     """
     from catenary.workflows.trials import HOLD_START, start_pose
-    from catenary.workflows.trials import hold as run
+    from catenary.workflows.trials import hold_arm as run
 
     arm = conditions.arm(robot, description)
     law, pose = make_hold(controller, arm), joints.given(arm.model)

@@ -391,14 +391,14 @@ def excitation(
     """
     import numpy as np
 
-    from catenary.identification.excitation import room_of
+    from catenary.identification.excitation import motion_room
     from catenary.workflows.excitation import design_excitation, write_motion, write_trajectory
 
     model = loaded.load(robot)
     given = {name: values for name, values in vars(limits).items() if values is not None}
     if motion.static is not None:  # poses are held: how fast they are reached is the robot's
         given.setdefault("velocity", (1.0,) * model.n)
-    room = room_of(model, **given)
+    room = motion_room(model, **given)
     around = collisions.around(robot, model)
     result = design_excitation(
         model, room, around, np.random.default_rng(seed), gravity=gravity.stated(), **vars(motion)

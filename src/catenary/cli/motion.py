@@ -82,7 +82,7 @@ def random(
     _say(summary, "done")
 
 
-def follow(
+def follow_motion(
     robot: PacedRobot,
     file: Path = argument("FILE", ".csv, .parquet, .npz: time, joints, with units."),
     rows_per_second: float | None = option(None, "Rate of a CSV that holds numbers alone. [default: 64.3]"),
@@ -98,7 +98,7 @@ def follow(
     one begins at the beginning. However it ends, the robot holds and is paused.
     """
     from catenary.workflows.robot.operator_motion import MAX_VELOCITY, leaves_rows, read_followed_file
-    from catenary.workflows.robot.operator_motion import follow as follow_file
+    from catenary.workflows.robot.operator_motion import follow_motion as follow_file
 
     motion = read_followed_file(file, rows_per_second=rows_per_second)
     print_notes(motion.notes)
@@ -106,7 +106,7 @@ def follow(
     for unit, typed in (("rad", largest_deg_s), ("m", largest_mm_s)):
         if typed is not None:
             fastest[unit] = from_display(typed, unit)
-    assert motion.time is not None  # of a file to follow
+    assert motion.time is not None  # of a file to follow_motion
     away = leaves_rows(motion, blend)
     shown = ", ".join(in_words(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])

@@ -85,7 +85,7 @@ def serve(
     announce("preparing the robot, half a minute the first time on a machine ...")  # imports alone take seconds
     from catenary.crtk.network import make_transport, node_name
     from catenary.crtk.transport import Sending
-    from catenary.nodes.serve import make_server, prepare
+    from catenary.nodes.serve import make_server, prepare_server
     from catenary.nodes.serve import serve as run
 
     # what it reports is in the status, which is shown; Python would print it a second time
@@ -95,7 +95,7 @@ def serve(
         transport.sending = Sending(depth, qos == "reliable")
         # an entry of one that crashed may have to lapse
         server = make_server(serving, transport, rate_hz=rate)
-        prepare(server)
+        prepare_server(server)
         where = {"1": "over ROS 1", "2": "over ROS 2", "none": "to nobody: without ROS no other program hears it"}[ros]
         pressed = "" if server.button is None else "; `catenary button` presses the silver button"
         print_notes(

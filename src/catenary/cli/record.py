@@ -83,16 +83,16 @@ def excite(
     A RAVEN-II's is a zig-zag. Writes recordings/train, with --refresh recordings/refresh; homes first if needed.
     """
     from catenary.workflows.project.calibrate import TRAIN
-    from catenary.workflows.project.kinds import kind_of
+    from catenary.workflows.project.kinds import project_kind
 
     if out is not None:
         settings = projects.settings_of(project, arm, robot=robot, namespace=namespace)
-        _write_refresh_motion(kind_of(settings), out)
+        _write_refresh_motion(project_kind(settings), out)
         return
     if project is None:
         raise InputError("PROJECT: is missing; it may be left out where --refresh --out writes a file")
     opened = projects.open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
-    kind = kind_of(opened.settings)
+    kind = project_kind(opened.settings)
     motion, what = kind.refresh_motion() if refresh else kind.excitation()
     name = TRAIN
     if refresh:  # each day's minute is another one
@@ -138,7 +138,7 @@ def record(
 
     Writes recordings/NAME; after `catenary excite`.
     """
-    from catenary.workflows.project.calibrate import TRAIN, random_motion
+    from catenary.workflows.project.calibrate import TRAIN, evaluation_motion
     from catenary.workflows.project.folder import is_project
 
     if not name.isidentifier() or name == TRAIN:
@@ -153,7 +153,7 @@ def record(
     projects.require_project(project)
     with projects.open_project(project, hours=hours, ros=access.ros) as opened:
         seconds = 60.0 * opened.settings.test_minutes
-        motion, what = random_motion(opened, seconds)
+        motion, what = evaluation_motion(opened, seconds)
         with projects.robot_of(opened, access, "record") as moved, projects.step_progress("record", opened) as progress:
             was_run = moved.record(opened, name, motion, what, after=TRAIN, progress=progress)
         projects.say_step(opened, f"recorded {seconds:.0f} s as {name}", was_run, {"seconds": seconds})
@@ -163,7 +163,7 @@ def _record_others(project: "Project", access: projects.RobotAccess, hours: floa
     """Record a robot that somebody else moves."""
     from catenary.crtk.network import make_transport, node_name
     from catenary.recording.journal import About
-    from catenary.workflows.project.kinds import kind_of
+    from catenary.workflows.project.kinds import project_kind
     from catenary.workflows.robot.topic_recorder import left_off, record_topics
 
     with project as opened, progress_bar("record") as progress:
@@ -173,7 +173,7 @@ def _record_others(project: "Project", access: projects.RobotAccess, hours: floa
         seconds = 60.0 * opened.settings.test_minutes if hours is None else 3600.0 * hours
         if not 0.0 < seconds < float("inf"):
             raise InputError(f"--hours: expected more than 0, got {hours}")
-        kind, folder = kind_of(opened.settings), opened.folder / "recordings" / name
+        kind, folder = project_kind(opened.settings), opened.folder / "recordings" / name
         not_ours = {"motion": "not ours"}
         about = About(robot=kind.recorded_as, simulated=access.simulated, configuration=not_ours)
         left = left_off(folder, about, kind.topics, time.time_ns())

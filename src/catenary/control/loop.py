@@ -16,7 +16,7 @@ from catenary.control.limits import TorqueLimits
 from catenary.control.loop_report import LoopReport, LoopTally
 from catenary.control.pd import Controller
 from catenary.control.realtime import RealTime
-from catenary.control.shutdown import GIVE_UP_AFTER_TICKS, MAX_STEP, FiniteTicks, MotionGuard, hold, leave_safe
+from catenary.control.shutdown import GIVE_UP_AFTER_TICKS, MAX_STEP, FiniteTicks, MotionGuard, hold_position, leave_safe
 from catenary.errors import InputError, LimitError, SensorError
 from catenary.kernels.compiled import in_motion
 from catenary.operating_system import require_linux
@@ -244,7 +244,7 @@ class _Run:
     def hold(self) -> None:
         """Have the robot hold where it is, without the controller."""
         q = self.plant.measured_js().q
-        if not hold(self.plant, np.where(np.isfinite(q), q, self.finite.held)):
+        if not hold_position(self.plant, np.where(np.isfinite(q), q, self.finite.held)):
             self.plant.state_command("pause")
 
     def report(self, *, finished: bool) -> LoopReport:

@@ -60,7 +60,7 @@ class FiniteTicks:
         return "; ".join(found)
 
 
-def hold(plant: Plant, q: Floats) -> bool:
+def hold_position(plant: Plant, q: Floats) -> bool:
     """Command a robot to hold positions; zero torque where it takes no positions or they are not finite.
 
     Args:
@@ -91,7 +91,7 @@ def leave_safe(plant: Plant, last: Floats, error: BaseException) -> None:
         with contextlib.suppress(Exception):  # measuring may be what failed
             now = plant.measured_js().q
             q = np.where(np.isfinite(now), now, last)
-        hold(plant, q)
+        hold_position(plant, q)
 
     attempt(error, holding=stay, pausing=lambda: plant.state_command("pause"))
 

@@ -60,14 +60,14 @@ def placed(model: RobotModel) -> Placed:
     tree, coupling, offset, turn = _in_two(model)
     q = trace.inputs("q", model.n)
     m = len(tree.parent)
-    x, sine, cosine = empty(m), empty(m), empty(m)
+    x, sine, cosine = new_terms(m), new_terms(m), new_terms(m)
     for i in range(m):
         place: Term = float(offset[i])
         for k in range(model.n):
             place = q[k] * coupling[i, k] + place
         x[i] = place
         sine[i], cosine[i] = (0.0, 1.0) if tree.prismatic[i] else trace.sine_cosine(place)
-    rotation, position = empty(m, 3, 3), empty(m, 3)
+    rotation, position = new_terms(m, 3, 3), new_terms(m, 3)
     place_joints(tree, x, sine, cosine, rotation, position)
     return Placed(trace, tree, coupling, turn, q, x, rotation, position)
 
@@ -78,7 +78,7 @@ def gravity_line(model: RobotModel) -> Line:
     p = placed(model)
     m = len(p.tree.parent)
     g = p.trace.inputs("gravity", 3)
-    torque, work = empty(m), (empty(m + 1), empty(m + 1, 3), empty(m + 1, 3))
+    torque, work = new_terms(m), (new_terms(m + 1), new_terms(m + 1, 3), new_terms(m + 1, 3))
     gravity_recursion(p.tree, p.rotation, p.position, (g[0], g[1], g[2]), *work, torque)
     return p.trace.line(_to_robot(p.coupling, torque))
 
@@ -93,8 +93,10 @@ def mass_matrix_line(model: RobotModel) -> Line:
 def mass_matrix_terms(p: Placed) -> list[list[Term]]:
     """Return the mass matrix, row by row."""
     m, n = len(p.tree.parent), p.coupling.shape[1]
-    matrix = empty(m, m)
-    composite_body_recursion(p.tree, p.rotation, p.position, empty(m + 1), empty(m + 1, 3), empty(m + 1, 3, 3), matrix)
+    matrix = new_terms(m, m)
+    composite_body_recursion(
+        p.tree, p.rotation, p.position, new_terms(m + 1), new_terms(m + 1, 3), new_terms(m + 1, 3, 3), matrix
+    )
     half = [_to_robot(p.coupling, matrix[i]) for i in range(m)]  # rows of tree matrix @ coupling
     entries = np.array(half, dtype=object)
     columns = [_to_robot(p.coupling, entries[:, l]) for l in range(n)]
@@ -149,13 +151,13 @@ def carried_load_line(model: RobotModel, frame: Frame, body: LinkInertia) -> Lin
 def _newton_euler(p: Placed, qd: Terms | Floats, qdd: Terms | Floats, *, moving_base: bool) -> tuple[Terms, ...]:
     """Return forces, moments and torques (m, ...) of a motion, as the recursion writes them."""
     m = len(p.tree.parent)
-    omega, alpha, acceleration, torque = empty(m + 1, 3), empty(m + 1, 3), empty(m + 1, 3), empty(m)
+    omega, alpha, acceleration, torque = (new_terms(m + 1, 3), new_terms(m + 1, 3), new_terms(m + 1, 3), new_terms(m))
     acceleration[m] = -p.trace.inputs("gravity", 3)
     omega[m], alpha[m] = 0.0, 0.0
     if moving_base:
         omega[m], alpha[m] = p.trace.inputs("omega", 3), p.trace.inputs("alpha", 3)
     rates = _to_tree(p.coupling, qd), _to_tree(p.coupling, qdd)
-    work = empty(m + 1, 3), empty(m + 1, 3)
+    work = new_terms(m + 1, 3), new_terms(m + 1, 3)
     newton_euler_recursion(p.tree, p.rotation, p.position, *rates, omega, alpha, acceleration, *work, torque)
     return *work, torque
 
@@ -165,7 +167,7 @@ def forward_kinematics_line(model: RobotModel, frame: str | None = None) -> Line
     target = model.frame(frame)
     p = placed(model)
     m = len(p.tree.parent)
-    rotations, positions = empty(m + 1, 3, 3), empty(m + 1, 3)
+    rotations, positions = new_terms(m + 1, 3, 3), new_terms(m + 1, 3)
     place_links(p.tree, p.rotation, p.position, rotations, positions)
     link = 2 * target.link + 1 if target.link >= 0 else m
     turn = p.turn[target.link] if target.link >= 0 else np.eye(3)
@@ -173,8 +175,8 @@ def forward_kinematics_line(model: RobotModel, frame: str | None = None) -> Line
     results: list[Term] = []
     for r in range(3):
         turned = rotations[link, r]
-        results += [total(turned[j] * R[j, k] for j in range(3)) for k in range(3)]
-        results.append(total([*(turned[j] * origin[j] for j in range(3)), positions[link, r]]))
+        results += [sum_of_terms(turned[j] * R[j, k] for j in range(3)) for k in range(3)]
+        results.append(sum_of_terms([*(turned[j] * origin[j] for j in range(3)), positions[link, r]]))
     return p.trace.line(results)
 
 
@@ -189,7 +191,7 @@ def gravity_regressor_line(model: RobotModel) -> Line:
     m, n = len(p.tree.parent), len(model.tree.parent)
     gravity = p.trace.inputs("gravity", 3)
     g = (gravity[0], gravity[1], gravity[2])
-    rotations, positions = empty(m + 1, 3, 3), empty(m + 1, 3)
+    rotations, positions = new_terms(m + 1, 3, 3), new_terms(m + 1, 3)
     place_links(p.tree, p.rotation, p.position, rotations, positions)
     columns = np.full((4 * n, m), 0.0, dtype=object)
     for k in range(n):
@@ -204,13 +206,13 @@ def gravity_regressor_line(model: RobotModel) -> Line:
                 columns[4 * k, i] = dot(away, turning)
                 traced = transpose_times(rotations, 2 * k + 1, turning)
                 for r in range(3):
-                    columns[4 * k + 1 + r, i] = total(traced[j] * p.turn[k, r, j] for j in range(3))
+                    columns[4 * k + 1 + r, i] = sum_of_terms(traced[j] * p.turn[k, r, j] for j in range(3))
             i = p.tree.parent[i]
     entries = np.array([_to_robot(p.coupling, column) for column in columns], dtype=object)
     return p.trace.line(list(entries.T.ravel()))
 
 
-def empty(*shape: int) -> Terms:
+def new_terms(*shape: int) -> Terms:
     """Return an array for numbers or symbols."""
     return np.empty(shape, dtype=object)
 
@@ -256,7 +258,7 @@ def _rounded(R: Floats) -> Floats:
     return np.where(np.abs(R - near) < _EXACT_RATIO, near, R)
 
 
-def total(terms: Any) -> Term:
+def sum_of_terms(terms: Any) -> Term:
     """Return a sum of numbers and symbols."""
     found: Term = 0.0
     for term in terms:
@@ -265,16 +267,16 @@ def total(terms: Any) -> Term:
 
 
 def _to_tree(coupling: Floats, rates: Terms | Floats) -> Terms:
-    x = empty(len(coupling))
+    x = new_terms(len(coupling))
     for i, shares in enumerate(coupling):
-        x[i] = total(rates[k] * shares[k] for k in range(len(shares)))
+        x[i] = sum_of_terms(rates[k] * shares[k] for k in range(len(shares)))
     return x
 
 
 def _to_robot(coupling: Floats, tree_values: Terms) -> list[Term]:
     """Return coupling.T @ tree_values."""
     return [
-        total(tree_values[i] * float(coupling[i, k]) for i in range(len(coupling)) if coupling[i, k] != 0.0)
+        sum_of_terms(tree_values[i] * float(coupling[i, k]) for i in range(len(coupling)) if coupling[i, k] != 0.0)
         for k in range(coupling.shape[1])
     ]
 
@@ -303,15 +305,15 @@ def forward_dynamics_line(model: RobotModel, loads: ActuationLoads | None) -> Li
     D: list[Term] = []
     for j in range(n):
         scaled = [L[j][k] * D[k] for k in range(j)]
-        D.append(M[j][j] - total(L[j][k] * scaled[k] for k in range(j)))
+        D.append(M[j][j] - sum_of_terms(L[j][k] * scaled[k] for k in range(j)))
         for i in range(j + 1, n):
-            rest = M[i][j] - total(L[i][k] * scaled[k] for k in range(j))
+            rest = M[i][j] - sum_of_terms(L[i][k] * scaled[k] for k in range(j))
             L[i][j] = rest / D[j]
     for i in range(n):
-        x[i] = x[i] - total(L[i][k] * x[k] for k in range(i))
+        x[i] = x[i] - sum_of_terms(L[i][k] * x[k] for k in range(i))
     x = [x[i] / D[i] for i in range(n)]
     for i in reversed(range(n)):
-        x[i] = x[i] - total(L[k][i] * x[k] for k in range(i + 1, n))
+        x[i] = x[i] - sum_of_terms(L[k][i] * x[k] for k in range(i + 1, n))
     return p.trace.line(x)
 
 
@@ -368,4 +370,4 @@ def _add(out: list[Term], along: Floats, load: Term) -> None:
 
 
 def _along(combination: Floats, values: Rates) -> Term:
-    return total(values[k] * float(factor) for k, factor in enumerate(combination) if factor != 0.0)
+    return sum_of_terms(values[k] * float(factor) for k, factor in enumerate(combination) if factor != 0.0)

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.dynamics.lines import empty, placed
+from catenary.dynamics.lines import new_terms, placed
 from catenary.dynamics.recursion import Vector, cross, dot, put, row, transpose_times
 from catenary.dynamics.robot_kernels import MANY_CONFIGURATIONS, known_kernel
 from catenary.errors import InputError
@@ -380,7 +380,7 @@ def _compact_line(model: RobotModel, columns: Sequence[RegressorColumn], targets
     p = placed(model)
     n, m = len(model.tree.parent), len(p.tree.parent)
     g = p.trace.inputs("gravity", 3)
-    link_gravity = empty(m + 1, 3)
+    link_gravity = new_terms(m + 1, 3)
     put(link_gravity, m, (g[0], g[1], g[2]))
     for i in range(m):
         put(link_gravity, i, transpose_times(p.rotation, i, row(link_gravity, p.tree.parent[i])))

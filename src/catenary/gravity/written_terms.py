@@ -27,7 +27,7 @@ SymbolicVector = tuple[Written, Written, Written]
 Angle = tuple[Floats, float]  # (n,) factors of the coordinates, offset [rad]
 
 
-def turned_back(axis: Floats, angle: Angle, v: SymbolicVector) -> SymbolicVector:
+def rotated_back(axis: Floats, angle: Angle, v: SymbolicVector) -> SymbolicVector:
     """Return a symbolic vector turned back about an axis, by Rodrigues' formula u u.v + c (v - u u.v) - s u x v.
 
     Args:
@@ -189,7 +189,7 @@ class WrittenTerms:
             own = crossed(weight * axis, self._before_turn(first))
             x, y, z = (sum_of(a, b) for a, b in zip(vector, own, strict=True))
             vector = x, y, z
-        return times(after.T, turned_back(axis, angle, vector))
+        return times(after.T, rotated_back(axis, angle, vector))
 
     def _before_turn(self, first: int, row: int | None = None) -> SymbolicVector:
         """Return gravity, or what it asks of a coordinate by joints before, in the frame that a turn starts from."""

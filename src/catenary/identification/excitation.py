@@ -11,7 +11,7 @@ from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import ExcitationError, InputError, LimitError
 from catenary.identification.base_parameters import BaseParameters, base_parameters
 from catenary.identification.identify_options import Terms, actuation_of
-from catenary.identification.least_squares import excitation
+from catenary.identification.least_squares import condition_of_triangle
 from catenary.identification.parameters import Parameters
 from catenary.robots.model import RobotModel
 
@@ -106,7 +106,7 @@ class Room:
         return self.lower + slack, self.upper - slack
 
 
-def room_of(model: RobotModel, **narrower: ArrayLike) -> Room:
+def motion_room(model: RobotModel, **narrower: ArrayLike) -> Room:
     """Return the limits to stay within: the robot's own, or by their names in `Room` narrower ones (n,)."""
     own = (model.lower, model.upper, model.velocity_limit, np.full(model.n, np.inf), model.effort_limit)
     room = {
@@ -301,7 +301,7 @@ def condition_of(base: BaseParameters, *motion: Floats, most: float = np.inf) ->
     """
     Y = base.regressor(*motion).reshape(-1, base.count)
     R: Floats = np.linalg.qr(np.pad(Y, ((0, 0), (0, 1))), mode="r")  # type: ignore[assignment]  # R alone
-    rank, condition, weakest = excitation(R)
+    rank, condition, weakest = condition_of_triangle(R)
     if condition > most:
         raise ExcitationError(
             f'robot "{base.parameters.model.name}": the design shows {rank} of {base.count} base parameters (condition '

@@ -24,7 +24,7 @@ from catenary.identification.consistency import consistent_fit, likeliest_prior,
 from catenary.identification.drive_gains import DriveGains, drive_gains
 from catenary.identification.friction_choice import FrictionPart, choose_friction
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, known_rotors, rotors_beside
-from catenary.identification.least_squares import covariance, excitation, solve, triangles, weigh
+from catenary.identification.least_squares import axis_weights, condition_of_triangle, covariance, solve, triangles
 from catenary.identification.moving_base import moving_base_notes
 from catenary.identification.parameters import Parameters
 from catenary.identification.samples import Samples, alternate_blocks, prepare, with_base_wrench
@@ -179,7 +179,7 @@ class Identification(OnScreen):
         """Return this identification with verdicts on recordings that were not fitted."""
         worst = np.max([r.relative_rms for r in self.training], axis=0)
         predicted = [(part, self.predict_samples(part)) for part in samples]
-        tests = (residuals.judged(self.model, *test, worst, self.seen) for test in predicted)
+        tests = (residuals.residual_verdict(self.model, *test, worst, self.seen) for test in predicted)
         return replace(self, tests=(*self.tests, *tests))
 
     def compare(self, samples: Samples) -> residuals.LogResidual:
@@ -450,11 +450,11 @@ def _fit(
             samples = carrying(base, beta, samples)
         reduced = triangles(base, samples)
         if weights is None:
-            weights = weigh(options.weighting or actuation_of(model).weighting, samples, reduced)
+            weights = axis_weights(options.weighting or actuation_of(model).weighting, samples, reduced)
         rotors = _rotors_beforehand(base, samples)
         reduced = reduced.near_zero(rotors, solve(reduced.stacked(weights)))
         R = reduced.stacked(weights)
-        rank, condition, weakest = excitation(R)
+        rank, condition, weakest = condition_of_triangle(R)
         if rank < base.count:
             still = [name for name, span in zip(model.joint_names, np.ptp(q, axis=0), strict=True) if span < _STILL]
             raise ExcitationError(_singular(base, rank, condition, weakest, still), rank=rank, n_base=base.count)

@@ -69,7 +69,7 @@ def triangles(base: BaseParameters, samples: Sequence[Samples]) -> Triangles:
     return Triangles(R, count, sum(part.independent * len(part) for part in samples))
 
 
-def weigh(weighting: Weighting, samples: Sequence[Samples], reduced: Triangles) -> Floats:
+def axis_weights(weighting: Weighting, samples: Sequence[Samples], reduced: Triangles) -> Floats:
     """Return the weight of each axis (n,) [1/Nm or 1/N]: one over the range of its torque, its spread, or its residual.
 
     The residual's RMS is found by fitting twice more. An axis without any torque weighs as the weakest other.
@@ -107,7 +107,7 @@ def solve(R: Floats) -> Floats:
     return scaled_solution(R[:b, :b], R[:b, b], 1e-13)
 
 
-def excitation(R: Floats) -> tuple[int, float, Floats]:
+def condition_of_triangle(R: Floats) -> tuple[int, float, Floats]:
     """Return rank, condition and weakest direction (b,) of a triangle whose columns are scaled to length one."""
     b = R.shape[1] - 1
     scale = np.linalg.norm(R[:b, :b], axis=0)

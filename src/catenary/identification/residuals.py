@@ -42,7 +42,7 @@ def residual(samples: Samples, predicted: Floats) -> LogResidual:
         return LogResidual(samples.name, len(samples), np.where(size > 0.0, left / size, np.nan), left)
 
 
-def judged(
+def residual_verdict(
     model: RobotModel, samples: Samples, predicted: Floats, training: Floats, seen: "MovedRange | None"
 ) -> LogResidual:
     """Return the residual of a recording that was not fitted, with a verdict on the model and its reasons.

@@ -3,7 +3,7 @@
 import re
 
 from catenary.kernels import sines
-from catenary.kernels.tracing import ANGLES, FUNCTIONS, Line, name_of, needed, widths_of
+from catenary.kernels.tracing import ANGLES, FUNCTIONS, Line, needed, step_name, widths_of
 
 
 def c_sines(prefix: str) -> str:
@@ -75,17 +75,17 @@ def c_function(prefix: str, name: str, line: Line) -> str:
     text += [_statement(line, number) for number in before]
     if angles:
         text += [
-            f"  const double x[{len(angles)}] = {{{', '.join(name_of(line, angle) for angle in angles)}}};",
+            f"  const double x[{len(angles)}] = {{{', '.join(step_name(line, angle) for angle in angles)}}};",
             f"  double sine[{len(angles)}], cosine[{len(angles)}];",
             f"  {prefix}_sines({len(angles)}, x, sine, cosine);",
         ]
     for number, step in enumerate(line.steps):
         if step.kind in ANGLES:
             whole = "sine" if step.kind == "sin" else "cosine"
-            text.append(f"  const double {name_of(line, number)} = {whole}[{angles.index(step.a)}];")
+            text.append(f"  const double {step_name(line, number)} = {whole}[{angles.index(step.a)}];")
         elif number not in before:
             text.append(_statement(line, number))
-    results = [repr(r) if isinstance(r, float) else "-" * (r[0] < 0) + name_of(line, r[1]) for r in line.results]
+    results = [repr(r) if isinstance(r, float) else "-" * (r[0] < 0) + step_name(line, r[1]) for r in line.results]
     used = {line.inputs[step.a][0] for step in line.steps if step.kind == "in"}
     text += [f"  (void){array};" for array in arrays if array not in used]
     text += [f"  out[{k}] = {result};" for k, result in enumerate(results)]
@@ -97,11 +97,11 @@ def _statement(line: Line, number: int) -> str:
     if step.kind == "in":
         array, index = line.inputs[step.a]
         return f"  const double t{number} = {array}[{index}];"
-    a = name_of(line, step.a)
+    a = step_name(line, step.a)
     if step.kind in FUNCTIONS:
         written = {"sign": f"{a} > 0.0 ? 1.0 : {a} < 0.0 ? -1.0 : {a}", "inverse": f"1.0 / {a}", "abs": f"fabs({a})"}
         return f"  const double t{number} = {written.get(step.kind, f'{step.kind}({a})')};"
-    b = _number(step.b) if step.kind.endswith("k") else name_of(line, int(step.b))
+    b = _number(step.b) if step.kind.endswith("k") else step_name(line, int(step.b))
     return f"  const double t{number} = {a} {step.kind[0]} {b};"
 
 

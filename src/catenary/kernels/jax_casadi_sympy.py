@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from catenary.errors import InputError, NotReadyError, imported
-from catenary.kernels.tracing import FUNCTIONS, Line, evaluate, widths_of
+from catenary.kernels.tracing import FUNCTIONS, Line, evaluate_line, widths_of
 from catenary.tables import OnScreen, Screen
 
 JaxFunction = Callable[..., Any]
@@ -34,7 +34,7 @@ def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) 
     """
     casadi = imported("casadi", "CasADi functions need casadi", "casadi")
     inputs = {array: casadi.SX.sym(array, width) for array, width in widths_of(line).items()}
-    values = evaluate(
+    values = evaluate_line(
         line,
         sine=casadi.sin,
         cosine=casadi.cos,
@@ -83,7 +83,7 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
                 raise InputError(f"{name}: expected shape ({widths[name]},), got {array.shape}; jax.vmap takes batches")
         if not steps:
             return constant.reshape(shape)
-        found = jnp.stack(evaluate(wanted, sine=jnp.sin, cosine=jnp.cos, functions=_functions(jnp), **arrays))
+        found = jnp.stack(evaluate_line(wanted, sine=jnp.sin, cosine=jnp.cos, functions=_functions(jnp), **arrays))
         return (constant + sign * found[source]).reshape(shape)
 
     return jax.jit(function)
@@ -138,7 +138,7 @@ def sympy_function(line: Line, shape: tuple[int, ...]) -> SymbolicFunction:
         )
         for array, width in widths_of(line).items()
     }
-    entries = evaluate(line, sine=sympy.sin, cosine=sympy.cos, functions=_functions(sympy, abs="Abs"), **inputs)
+    entries = evaluate_line(line, sine=sympy.sin, cosine=sympy.cos, functions=_functions(sympy, abs="Abs"), **inputs)
     if line.operations <= _READABLE_OPERATIONS and not any(step.kind in FUNCTIONS for step in line.steps):
         entries = [_multiplied_out(sympy.sympify(entry)) for entry in entries]
     return SymbolicFunction(inputs, sympy.Matrix(shape[0], shape[1] if len(shape) == 2 else 1, entries))

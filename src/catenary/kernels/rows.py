@@ -130,7 +130,7 @@ def repeat(value: Floats, Y: Floats) -> None:
 
 
 @compiled
-def total(A: Floats, B: Floats, Y: Floats) -> None:
+def add_rows(A: Floats, B: Floats, Y: Floats) -> None:
     """Write Y = A + B, all (N, m)."""
     for row in range(len(Y)):
         for k in range(Y.shape[1]):

@@ -243,7 +243,7 @@ def _quarters(angle: float) -> int | None:
     return quarters if abs(angle - quarters * 0.5 * math.pi) < 1e-15 * max(1.0, abs(angle)) else None
 
 
-def evaluate(
+def evaluate_line(
     line: Line,
     *,
     sine: Callable[[Any], Any] = math.sin,
@@ -286,7 +286,7 @@ def widths_of(line: Line) -> dict[str, int]:
     return widths
 
 
-def name_of(line: Line, number: int) -> str:
+def step_name(line: Line, number: int) -> str:
     """Return the name of a step's value."""
     step = line.steps[number]
     return f"{step.kind[0]}{step.a}" if step.kind in ANGLES else f"t{number}"

@@ -141,7 +141,7 @@ def _served(name: str, plant: Plant, serving: Serving, reports: Reports) -> Serv
     )  # fmt: skip
 
 
-def prepare(server: Server) -> None:
+def prepare_server(server: Server) -> None:
     """Compile what is compiled on first use: half a minute, the first time on a machine."""
     server.tick()
     for arm in server.arms.values():
@@ -163,7 +163,7 @@ def serve(
         duration: Time [s]; until Ctrl-C when None.
     """
     period = max(arm.plant.period for arm in server.arms.values())
-    prepare(server)
+    prepare_server(server)
     server.require_alone()
     settled = RealTime(period)
     settled.begin()

@@ -9,7 +9,7 @@ from typing import Any, BinaryIO, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.archives import MAX_UNPACKED_RATIO, unpacked
+from catenary.archives import MAX_UNPACKED_RATIO, decompressed
 from catenary.arrays import Integers
 from catenary.errors import FileFormatError
 from catenary.kernels.compiled import compiled
@@ -122,7 +122,7 @@ class Unpacking:
             raise ValueError(f"unknown compression {kind}")
         if stated > self._left:
             raise ValueError(f"a chunk would unpack to {stated} bytes; {self._left} are left of what is read")
-        chunk = unpacked(data, cast("Literal['bz2', 'lz4', 'zstd']", kind), stated)
+        chunk = decompressed(data, cast("Literal['bz2', 'lz4', 'zstd']", kind), stated)
         self._left -= stated
         if len(chunk) != stated:
             raise ValueError(f"a chunk unpacks to {len(chunk)} bytes, and states {stated}")
@@ -133,7 +133,7 @@ class Unpacking:
         if data[:4] != _PACKED:
             return data
         try:
-            plain = unpacked(data, "zstd", self._left)
+            plain = decompressed(data, "zstd", self._left)
         except ValueError as error:
             raise FileFormatError(f"{self._path}: a message of {error}") from error
         self._left -= len(plain)
@@ -191,7 +191,7 @@ def chunk_records(chunk: bytes, *, is_ros1: bool) -> Records:
     return records[: (_walk if is_ros1 else _walk_mcap)(data, records)]
 
 
-def gather(chunk: bytes, records: Records) -> Block:
+def messages_of_records(chunk: bytes, records: Records) -> Block:
     """Return the messages of a chunk's records."""
     parts = map(chunk.__getitem__, map(slice, records[:, DATA].tolist(), records[:, END].tolist()))
     return Block(np.frombuffer(b"".join(parts), dtype=np.uint8), records[:, END] - records[:, DATA])

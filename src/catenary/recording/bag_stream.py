@@ -29,8 +29,8 @@ from catenary.recording.bag_records import (
     Unpacking,
     chunk_records,
     field_of,
-    gather,
     header_fields,
+    messages_of_records,
     next_chunk,
     sized,
     text_at,
@@ -187,7 +187,7 @@ class BagStream(Source):
         """Yield topic, arrival stamps [ns] (N,) and messages in their order, of every chunk, no object for each."""
         for chunk, name, records in self._guarded(self._by_topic):
             if name in topics:
-                block = gather(chunk, records)
+                block = messages_of_records(chunk, records)
                 if self.encoding == "cdr" and block[0][:1] > b"\0":  # a message in CDR begins with 0
                     block = Block.of([self._plain(block[i]) for i in range(len(block))])
                 yield name, records[:, TIME], block

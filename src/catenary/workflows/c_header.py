@@ -24,7 +24,7 @@ from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.kernels.c99 import c_comment, c_function, c_name, c_sines
 from catenary.kernels.c_functions import Functions, Value
-from catenary.kernels.tracing import evaluate
+from catenary.kernels.tracing import evaluate_line
 from catenary.plant import Jointed, joints_text
 from catenary.robots.model import RobotModel
 from catenary.sensing.tool_compensation import tool_line
@@ -127,7 +127,7 @@ def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
         "links": model.link_names,
         "sines": c_sines(name),
         "gravity": gravity,
-        "gravity_there": evaluate(gravity, q=at["q"], gravity=at["gravity"]),
+        "gravity_there": evaluate_line(gravity, q=at["q"], gravity=at["gravity"]),
         "regressor": lines.gravity_regressor_line(model),
         "at": at,
         **({"compact": compact} if compact.labels else {}),
@@ -141,7 +141,7 @@ def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None)
         "mass": lines.mass_matrix_line(model),
         "holding": lines.holding_line(model),
         "motion": motion,
-        "motion_there": evaluate(motion, **at),
+        "motion_there": evaluate_line(motion, **at),
         "loads": loads,
     }
     if loads is None:

@@ -394,7 +394,7 @@ class TruePositions:
         out[:], inside[:], interval[:] = self._arm.q_true(), True, 0.0
 
 
-def hold(
+def hold_arm(
     arm: SimulatedArm,
     controller: Controller,
     q: ArrayLike,

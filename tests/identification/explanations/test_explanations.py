@@ -10,7 +10,7 @@ import pytest
 from catenary.identification.explanations.evidence import Evidence
 from catenary.identification.explanations.findings import torque_findings, unseen_joints
 from catenary.identification.explanations.hypotheses import HYPOTHESES
-from catenary.identification.explanations.search import ExplainedRecording, explain
+from catenary.identification.explanations.search import ExplainedRecording, find_explanation
 from catenary.identification.explanations.supposed import nothing_supposed
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import Samples, prepare
@@ -31,7 +31,7 @@ def samples_of(truth: Truth) -> Samples:
 
 
 def explained(truth: Truth) -> ExplainedRecording:
-    return explain(Evidence(load_robot(truth.robot), samples_of(truth)))
+    return find_explanation(Evidence(load_robot(truth.robot), samples_of(truth)))
 
 
 def is_right(truth: Truth, explanation: ExplainedRecording) -> bool:

@@ -13,7 +13,7 @@ from catenary.simulation.firmware_plant import restore_plant
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to
-from catenary.workflows.project.kinds import kind_of
+from catenary.workflows.project.kinds import project_kind
 from catenary.workflows.project.robot import Deployment, deploy_on_robot
 from catenary.workflows.simulated_recording import record_simulated
 from recordings import data_of, fitted, recording
@@ -23,7 +23,7 @@ SECONDS = 10.0
 
 
 def plant_of(recorded: Path) -> CablePlant:
-    plant = kind_of(SHORT).plant()
+    plant = project_kind(SHORT).plant()
     restore_plant(plant, recorded / "robot" / "after_train.npz")
     plant.state_command("enable")
     return plant

@@ -15,7 +15,7 @@ from catenary.simulation.psm_plant import PsmPlant
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.calibrate import motion_log_path
 from catenary.workflows.project.folder import Project, ProjectSettings
-from catenary.workflows.project.kinds import kind_of
+from catenary.workflows.project.kinds import project_kind
 from oracles.psm_arms import homed_psm
 
 SHORT = ProjectSettings(robot="dvrk_psm", seed=1, train_minutes=1.0, test_minutes=0.25)
@@ -40,15 +40,15 @@ def test_a_psm_is_calibrated_from_homing_to_a_report(tmp_path, monkeypatch):
 
 
 def test_kinds_follow_the_projects_robot():
-    assert kind_of(ProjectSettings(side="right")).robot == "raven2_right"
-    assert [topic.name for topic in kind_of(replace(SHORT, namespace="/PSM2")).required] == [
+    assert project_kind(ProjectSettings(side="right")).robot == "raven2_right"
+    assert [topic.name for topic in project_kind(replace(SHORT, namespace="/PSM2")).required] == [
         "/PSM2/measured_js",
         "/PSM2/tracker/measured_js",
     ]
 
 
 def test_a_psms_motions_stay_within_its_limits():
-    plant, motion = PsmPlant(), kind_of(SHORT).excitation()[0]
+    plant, motion = PsmPlant(), project_kind(SHORT).excitation()[0]
     rows = motion.sample(np.arange(0.0, 60.0, 0.05))[0]
     assert (rows > plant.lower[:6]).all()
     assert (rows < plant.upper[:6]).all()

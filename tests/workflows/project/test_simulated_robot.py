@@ -14,9 +14,9 @@ from catenary.recording.logs import read_log
 from catenary.simulation.cable_plant import CablePlant, telemetry_of
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.workflows.project import robot as simulated_robot
-from catenary.workflows.project.calibrate import TEST, TRAIN, extract_recording, motion_log_path, random_motion
+from catenary.workflows.project.calibrate import TEST, TRAIN, evaluation_motion, extract_recording, motion_log_path
 from catenary.workflows.project.folder import Project
-from catenary.workflows.project.kinds import kind_of
+from catenary.workflows.project.kinds import project_kind
 from catenary.workflows.project.robot import SimulatedRobot
 from simulated_project import SHORT
 
@@ -31,7 +31,7 @@ def project(project_folder: Path) -> Project:
 
 def test_what_was_done_is_not_done_again(project: Project) -> None:
     assert not ROBOT.home(project)
-    assert not ROBOT.record(project, TRAIN, *kind_of(project.settings).excitation(), after="home")
+    assert not ROBOT.record(project, TRAIN, *project_kind(project.settings).excitation(), after="home")
     assert not ROBOT.home(Project(project.folder, replace(SHORT, direction="J1", test_minutes=1.0)))
 
 
@@ -60,7 +60,7 @@ def test_a_state_that_cannot_be_read_is_made_again(project: Project) -> None:
 
 def test_another_motion_is_recorded_again(project: Project) -> None:
     changed = Project(project.folder, replace(SHORT, test_minutes=0.2))
-    assert ROBOT.record(changed, TEST, *random_motion(changed, 12.0), after=TRAIN)
+    assert ROBOT.record(changed, TEST, *evaluation_motion(changed, 12.0), after=TRAIN)
     assert extract_recording(changed, TEST)
     assert read_log(motion_log_path(changed, TEST)).time[-1] < 12.0
 
@@ -69,19 +69,19 @@ def test_a_recording_made_again_is_the_same(project: Project) -> None:
     before = read_log(motion_log_path(project, TEST))
     motion_log_path(project, TEST).unlink()
     (project.folder / "robot" / f"after_{TEST}.npz").unlink()
-    assert ROBOT.record(project, TEST, *random_motion(project, 15.0), after=TRAIN)
+    assert ROBOT.record(project, TEST, *evaluation_motion(project, 15.0), after=TRAIN)
     assert extract_recording(project, TEST)
     assert_allclose(read_log(motion_log_path(project, TEST)).q_nominal, before.q_nominal, rtol=0)
 
 
 def test_steps_on_what_was_not_done_or_by_another_robot_are_refused(project: Project) -> None:
     with pytest.raises(ConfigError, match="record other was not done yet"):
-        ROBOT.record(project, "more", *random_motion(project, 12.0), after="other")
+        ROBOT.record(project, "more", *evaluation_motion(project, 12.0), after="other")
     with pytest.raises(ConfigError, match="record other was not done yet"):
         extract_recording(project, "other")
     tilted = Project(project.folder, replace(SHORT, base_tilt_deg=(3.0, 0.0)))
     with pytest.raises(FileFormatError, match="of another robot"):
-        ROBOT.record(tilted, "more", *random_motion(tilted, 12.0), after=TRAIN)
+        ROBOT.record(tilted, "more", *evaluation_motion(tilted, 12.0), after=TRAIN)
 
 
 def truth_of(project: Project, seconds: float, monkeypatch: pytest.MonkeyPatch) -> dict[str, Floats]:

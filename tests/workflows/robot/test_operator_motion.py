@@ -18,7 +18,7 @@ from catenary.workflows.robot.motion import check_motion
 from catenary.workflows.robot.operated_robot import operated_robot
 from catenary.workflows.robot.operator_motion import (
     along_rows,
-    follow,
+    follow_motion,
     go_to_joints,
     joints_at,
     random_motion,
@@ -114,7 +114,7 @@ def test_motions_go_on_to_their_end() -> None:
     assert summary.duration >= 4.0
     assert (summary.ended_by, summary.state.state) == (None, "PAUSED")
     robot.plant.state_command("resume")
-    summary = follow(robot, file_of([[0.5], [0.7]], [0.0, 2.0]))
+    summary = follow_motion(robot, file_of([[0.5], [0.7]], [0.0, 2.0]))
     assert_allclose(summary.q[0], 0.7)
     assert summary.state.state == "PAUSED"
 
@@ -130,7 +130,7 @@ def test_motions_go_on_to_their_end() -> None:
 def test_a_file_that_cannot_be_followed_moves_nothing(q: object, time: object, complaint: str) -> None:
     robot = ideal_robot(START)
     with pytest.raises(LimitError, match=complaint):
-        follow(robot, file_of(q, time))
+        follow_motion(robot, file_of(q, time))
     assert robot.plant.setpoints == []
     assert robot.plant.operating_state().state == "ENABLED"  # a refusal changes nothing
 
@@ -139,13 +139,13 @@ def test_a_far_start_is_gone_to_when_asked() -> None:
     robot = ideal_robot(START)
     near_the_ends = robot.model.upper[1] - 0.01, robot.model.lower[1] + 0.01
     far = max(near_the_ends, key=lambda q: abs(q - START[1]))
-    summary = follow(robot, file_of([[far]], [0.0], names=("elbow",)), from_afar=True)
+    summary = follow_motion(robot, file_of([[far]], [0.0], names=("elbow",)), from_afar=True)
     assert_allclose(summary.q[1], far)
 
 
 def test_units_that_contradict_the_robot_are_refused() -> None:
     with pytest.raises(InputError, match="in rad, not m"):
-        follow(ideal_robot(START), file_of([[0.4], [0.41]], [0.0, 2.0], units=("m",)))
+        follow_motion(ideal_robot(START), file_of([[0.4], [0.41]], [0.0, 2.0], units=("m",)))
 
 
 def read(folder: Path, text: str, **options: float) -> MotionLog:

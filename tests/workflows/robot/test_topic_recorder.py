@@ -23,7 +23,7 @@ from catenary.recording.journal import About
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.calibrate import TRAIN
 from catenary.workflows.project.folder import Project, ProjectSettings
-from catenary.workflows.project.kinds import kind_of
+from catenary.workflows.project.kinds import project_kind
 from catenary.workflows.project.robot import RosRobot
 from catenary.workflows.robot import topic_recorder
 from catenary.workflows.robot.homing import AnswerYes
@@ -331,7 +331,7 @@ def test_what_another_homing_measured_is_not_mixed_in(tmp_path: Path) -> None:
 @pytest.mark.parametrize("robot", ["raven2", "dvrk_psm"])
 def test_how_far_a_recording_got_is_told_by_its_setpoints_on_the_motion_itself(robot: str) -> None:
     """Ticks that come late delay the motion, messages come by bursts; its sweeps lie side by side."""
-    kind, rng = kind_of(ProjectSettings(robot=robot)), np.random.default_rng(1)
+    kind, rng = project_kind(ProjectSettings(robot=robot)), np.random.default_rng(1)
     motion, (topic, setpoint) = kind.excitation()[0], kind.setpoint
     sent = np.arange(0.0, 0.9 * motion.duration, 1.0 / 30.0)
     place = np.cumsum(np.where(rng.random(len(sent)) < 0.02, 0.3, 1.0) / 30.0)

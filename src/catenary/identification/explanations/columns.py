@@ -193,6 +193,6 @@ def _spread(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2))) + 1e-9
 
 
-def joined(parts: Sequence[Floats]) -> Floats:
+def side_by_side(parts: Sequence[Floats]) -> Floats:
     """Return columns (N, n, k) side by side."""
     return np.concatenate(parts, axis=2)

@@ -23,7 +23,7 @@ from scipy.special import log_ndtr
 from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK
 from catenary.identification.explanations.beliefs import Belief, belief_of_file
-from catenary.identification.explanations.columns import Beside, Rows, joined
+from catenary.identification.explanations.columns import Beside, Rows, side_by_side
 from catenary.identification.explanations.supposed import Added, Supposed, nothing_supposed
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
@@ -141,9 +141,9 @@ class Evidence:
         known = self.rows.known
         if known.any():
             n = self.model.n
-            found = joined([found, known[:, :, None] * np.eye(n)])
+            found = side_by_side([found, known[:, :, None] * np.eye(n)])
             beside = beside.and_columns([1.0] * n, [_KNOWN_STD] * n)
-        return joined([links @ self.rows.shown, found]), beside, own
+        return side_by_side([links @ self.rows.shown, found]), beside, own
 
     def _gram(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats, Floats]:
         """Return the columns' products with each other, with torques (n, p), and of torques (n,)."""
@@ -151,7 +151,7 @@ class Evidence:
         if key not in self._grams or key not in self._columns or extra:
             X, beside, own = self.columns(supposed)
             if extra:
-                X = joined([X, np.stack([term.column for term in extra], axis=2)])
+                X = side_by_side([X, np.stack([term.column for term in extra], axis=2)])
                 beside = beside.and_columns([term.mean for term in extra], [term.std for term in extra])
             by_joint = np.ascontiguousarray(X.transpose(1, 0, 2))
             gram = _Gram(by_joint.transpose(0, 2, 1) @ by_joint, beside, own)

@@ -17,7 +17,7 @@ from catenary.identification.explanations.beliefs import Belief, belief_of
 from catenary.identification.explanations.columns import Rows
 from catenary.identification.explanations.evidence import Evidence, Fit
 from catenary.identification.explanations.hypotheses import UNSURE
-from catenary.identification.explanations.search import Cause, ExplainedRecording, explain
+from catenary.identification.explanations.search import Cause, ExplainedRecording, find_explanation
 from catenary.identification.explanations.supposed import Supposed
 from catenary.identification.identification import Identification
 from catenary.identification.samples import Samples
@@ -56,7 +56,7 @@ def explained_torques(
         settled: Names of hypotheses that are excluded.
     """
     evidence = Evidence(model, samples)
-    explanation = explain(evidence, settled)
+    explanation = find_explanation(evidence, settled)
     unseen = unseen_joints(evidence, explanation.supposed)
     findings = [*_told(evidence, explanation), *(_unseen(name) for name in unseen)]
     return findings, evidence, explanation.supposed
@@ -75,7 +75,7 @@ def findings_against(result: Identification, samples: Samples) -> list[Finding]:
         samples: Filtered rows of the recording.
     """
     evidence = Evidence(result.model, samples, belief_of(result))
-    return _told(evidence, explain(evidence))
+    return _told(evidence, find_explanation(evidence))
 
 
 def _told(evidence: Evidence, explanation: ExplainedRecording) -> list[Finding]:
@@ -158,7 +158,7 @@ def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | No
     """
     if len(days) < 2:
         evidences = [(day.name, Evidence(model, day, belief)) for day in days if belief is not None]
-        return [(name, finding) for name, own in evidences for finding in _told(own, explain(own))]
+        return [(name, finding) for name, own in evidences for finding in _told(own, find_explanation(own))]
     found, middle = [], len(days) // 2
     for own, others in ((days[:middle], days[middle:]), (days[middle:], days[:middle])):
         shown = belief

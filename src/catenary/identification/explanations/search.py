@@ -33,7 +33,7 @@ class ExplainedRecording:
     fit: Fit
 
 
-def explain(evidence: Evidence, settled: Collection[str] = ()) -> ExplainedRecording:
+def find_explanation(evidence: Evidence, settled: Collection[str] = ()) -> ExplainedRecording:
     """Explain a recording by as few causes as its evidence asks for; hypotheses that are `settled` are left out."""
     with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other
         return _explained(evidence, settled)

@@ -22,7 +22,7 @@ from catenary.trajectories.reference import Trajectory
 from catenary.verdict.check import require_apart
 from catenary.workflows.calibration_model import held_against, read_to_fit, recordings_for, warnings_of
 from catenary.workflows.project.folder import Project, write
-from catenary.workflows.project.kinds import kind_of
+from catenary.workflows.project.kinds import project_kind
 from catenary.workflows.project.recordings import (
     Imported,
     extract_recording,
@@ -73,12 +73,12 @@ class CalibrationResult:
         }
 
 
-def excitation(project: Project) -> tuple[Trajectory, Any]:
+def training_motion(project: Project) -> tuple[Trajectory, Any]:
     """Return the motion that a project's robot is trained on, and its description as plain data."""
-    return kind_of(project.settings).excitation()
+    return project_kind(project.settings).excitation()
 
 
-def random_motion(project: Project, seconds: float, number: int = 0) -> tuple[Trajectory, Any]:
+def evaluation_motion(project: Project, seconds: float, number: int = 0) -> tuple[Trajectory, Any]:
     """Return a random motion of a project's robot, and its description as plain data.
 
     Args:
@@ -87,7 +87,7 @@ def random_motion(project: Project, seconds: float, number: int = 0) -> tuple[Tr
         number: Number of the motion, which its seed depends on.
     """
     seed = [0 if project.settings.seed is None else project.settings.seed, 1, number]
-    return kind_of(project.settings).random_motion(seconds, seed)
+    return project_kind(project.settings).random_motion(seconds, seed)
 
 
 def calibrate_robot(
@@ -108,22 +108,22 @@ def calibrate_robot(
         progress: Returns the progress callback of a named step.
     """
     project.ran.clear()
-    run = replace(FitRun() if run is None else run, robot=kind_of(project.settings).model)
+    run = replace(FitRun() if run is None else run, robot=project_kind(project.settings).model)
     models = _models(project, project.settings.robot, asked)
     robot = SimulatedRobot() if robot is None else robot
     deployed = project.folder / "deployment.json"
 
     def deploy() -> None:
         model, _ = load_model(model_path(project, RECOMMENDED))
-        motion, _ = random_motion(project, _DEPLOY_S, 1)
+        motion, _ = evaluation_motion(project, _DEPLOY_S, 1)
         write(deployed, robot.deploy(project, model, motion, after=TEST))
 
     with project:
         progress("home")
         robot.home(project)
-        robot.record(project, TRAIN, *excitation(project), after="home", progress=progress("excite"))
-        test_motion = random_motion(project, 60.0 * project.settings.test_minutes)
-        robot.record(project, TEST, *test_motion, after=TRAIN, progress=progress("record the test motion"))
+        robot.record(project, TRAIN, *training_motion(project), after="home", progress=progress("excite"))
+        tested = evaluation_motion(project, 60.0 * project.settings.test_minutes)
+        robot.record(project, TEST, *tested, after=TRAIN, progress=progress("record the test motion"))
         progress("extract")
         for name in (TRAIN, TEST):
             extract_recording(project, name)

@@ -150,7 +150,7 @@ def missing(outputs: Sequence[Path]) -> list[Path]:
     return [output for output in outputs if next(_files(output), None) is None]
 
 
-def hold(folder: Path, outputs: Sequence[Path], described: Mapping[str, Mapping[str, Any]]) -> bool:
+def outputs_unchanged(folder: Path, outputs: Sequence[Path], described: Mapping[str, Mapping[str, Any]]) -> bool:
     """Return True if files are as `describe` recorded them; same size and time are believed without hashing.
 
     Args:
@@ -284,7 +284,7 @@ class Project:
         entry = self._steps.get(step)
         if entry is None or entry["made_from"] != fingerprint(made_from):
             return False
-        return hold(self.folder, files, entry["outputs"])
+        return outputs_unchanged(self.folder, files, entry["outputs"])
 
     def run(
         self,

@@ -76,7 +76,7 @@ class ProjectKind:
         return cast(CrtkClient, open_robot(self.robot, where))
 
 
-def kind_of(settings: ProjectSettings) -> ProjectKind:
+def project_kind(settings: ProjectSettings) -> ProjectKind:
     """Return the kind of robot that a project is about."""
     return _psm(settings) if settings.robot == "dvrk_psm" else _raven(settings)
 

@@ -12,9 +12,9 @@ from catenary.recording.bag_reader import open_recording, open_recordings, rescu
 from catenary.recording.bag_writer import BagKind, write_group_bags
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.logs import Reading, read_log, read_recording, write_parquet
-from catenary.workflows.project.folder import Project, contents, describe, hold, missing, write
-from catenary.workflows.project.kinds import kind_of
-from catenary.workflows.project.robot import empty
+from catenary.workflows.project.folder import Project, contents, describe, missing, outputs_unchanged, write
+from catenary.workflows.project.kinds import project_kind
+from catenary.workflows.project.robot import clear_folder
 
 
 def extract_recording(project: Project, name: str) -> bool:
@@ -40,7 +40,7 @@ def extract_recording(project: Project, name: str) -> bool:
         made_from = [project.fingerprint_of(f"record {name}"), contents(outputs, below)]
         noted = {key: one for key, one in outputs.items() if key.startswith(f"{below}/")}
         is_done = project.done(step, [*made_from, *project.settings.columns], files)
-        if not is_done and not hold(project.folder, [recording], noted):
+        if not is_done and not outputs_unchanged(project.folder, [recording], noted):
             changed = [f"{recording}: is no longer what was recorded; what is there was extracted"]
     if outputs is None or changed:
         made_from = [contents(describe(project.folder, [recording]), below)]
@@ -48,7 +48,7 @@ def extract_recording(project: Project, name: str) -> bool:
 
     def work() -> dict[str, Any]:
         sources = open_recordings([recording])
-        result = kind_of(project.settings).synchronise(recording)
+        result = project_kind(project.settings).synchronise(recording)
         found_whole = rescue_of(sources)
         is_whole = not any(source.damage for source in sources)
         rescued = None if is_whole else found_whole.as_data()
@@ -86,7 +86,7 @@ def write_bags(project: Project, name: str, kind: BagKind) -> list[Path]:
         half, whole = folder / f"{name}.{kind}.part", folder / name
         for old in files:
             old.unlink(missing_ok=True)
-        empty(half)
+        clear_folder(half)
         bags = write_group_bags(open_recording(recording), half, kind)
         whole.mkdir(exist_ok=True)
         there = [path for bag in bags if (path := whole / bag.name).is_file() or any(path.glob("*"))]

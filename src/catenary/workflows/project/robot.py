@@ -36,7 +36,7 @@ from catenary.trajectories.reference import Embedded, GoneOn, Trajectory
 from catenary.trajectories.smoothed_path import go_to
 from catenary.units import DISPLAY
 from catenary.workflows.project.folder import Project, write
-from catenary.workflows.project.kinds import ProjectKind, kind_of
+from catenary.workflows.project.kinds import ProjectKind, project_kind
 from catenary.workflows.robot import homing
 from catenary.workflows.robot.motion import at_rest_afterwards, check_motion, move_to, pause, paused_if_interrupted
 from catenary.workflows.robot.topic_recorder import Along, TopicRecorder, left_off, record_motion
@@ -207,7 +207,7 @@ def set_aside(project: Project, name: str) -> None:
     _log.warning("%s: the earlier recording of this name is kept in %s", folder, place)
 
 
-def empty(folder: Path) -> None:
+def clear_folder(folder: Path) -> None:
     """Remove the folder that a step wrote before, and make its parent."""
     import shutil
 
@@ -229,7 +229,7 @@ class SimulatedRobot(ProjectRobot):
         readable = True
         if homed.is_file():
             try:
-                restore_plant(kind_of(project.settings).plant(), homed)
+                restore_plant(project_kind(project.settings).plant(), homed)
             except FileFormatError:
                 readable = False
 
@@ -237,7 +237,7 @@ class SimulatedRobot(ProjectRobot):
             folder.mkdir(exist_ok=True)
             for left in folder.glob("after_*.npz"):
                 left.unlink()  # of the robot before it was homed again
-            plant = kind_of(project.settings).plant()
+            plant = project_kind(project.settings).plant()
             plant.home()
             save_plant(plant, homed)
             content = {
@@ -253,7 +253,7 @@ class SimulatedRobot(ProjectRobot):
         files = [homed, folder / "home.json"]
         settings = project.settings  # all that makes the robot another one; a new version may bring other numbers
         who = [settings.robot, settings.side, settings.seed, settings.base_tilt_deg, settings.payload_kg]
-        made_from = [*who, STATE_FORMAT, kind_of(settings).numbers()]
+        made_from = [*who, STATE_FORMAT, project_kind(settings).numbers()]
         return project.run("home", made_from, files, work, trusted=readable)
 
     def files(self, project: Project, folder: Path) -> list[Path]:
@@ -267,12 +267,12 @@ class SimulatedRobot(ProjectRobot):
         settings, before = project.settings, left_at(project, after)
         if not before.is_file():
             raise ConfigError(f"{before}: is missing; do the step {after} first")
-        kind = kind_of(settings)
+        kind = project_kind(settings)
         plant = kind.plant()
         restore_plant(plant, before)
         plant.state_command("enable")
         check_motion(plant, trajectory, joints=kind.joints)
-        empty(folder)
+        clear_folder(folder)
         about = About(robot=kind.recorded_as, simulated=True, seed=settings.seed, configuration={"motion": motion})
         rng = np.random.default_rng([settings.seed or 0, *folder.name.encode()])
         start, speeds = plant.control.setpoint[: len(kind.joints)], np.array(kind.approach)
@@ -292,7 +292,7 @@ class SimulatedRobot(ProjectRobot):
         self, project: Project, model: CalibrationModel, trajectory: Trajectory, *, after: str
     ) -> Mapping[str, Any]:
         """Run a model in its loop in real time, from where `after` left the robot."""
-        plant = kind_of(project.settings).plant()
+        plant = project_kind(project.settings).plant()
         restore_plant(plant, left_at(project, after))
         plant.state_command("enable")
         return dict(plain_data(deploy_on_robot(plant, model, trajectory, real_time=True)))
@@ -350,7 +350,7 @@ class RosRobot(ProjectRobot):
     ) -> None:
         """Record over topics, on from where one was cut off, unless it had to home since."""
         with self._connected(project) as client, paused_if_interrupted(client):
-            kind = kind_of(project.settings)
+            kind = project_kind(project.settings)
             check_motion(client, trajectory, joints=kind.joints)
             was_homed = client.operating_state().is_homed
             self._make_homed(client, project)
@@ -393,7 +393,7 @@ class RosRobot(ProjectRobot):
         return dict(plain_data(found))
 
     def _connected(self, project: Project) -> CrtkClient:
-        return kind_of(project.settings).client(self._transport, simulated=self._simulated)
+        return project_kind(project.settings).client(self._transport, simulated=self._simulated)
 
     def _make_homed(self, client: CrtkClient, project: Project) -> None:
         """Home it if it is not, with encoders whose readings come."""
@@ -402,7 +402,7 @@ class RosRobot(ProjectRobot):
             self._is_clear = True
         if isinstance(self._guide, homing.AnswerYes) and client.operating_state().state == "FAULT":
             raise NotReadyError("the robot is in FAULT; clear the fault by hand: --yes does not clear it")
-        kind = kind_of(project.settings)
+        kind = project_kind(project.settings)
         if not client.operating_state().is_homed:
             topic = kind.required[-1].name  # whose readings count from the homing on
             absent = f"nobody publishes {topic}"

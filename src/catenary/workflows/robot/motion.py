@@ -31,7 +31,7 @@ def at_rest_afterwards(plant: Plant, began: Callable[[], bool] = lambda: True) -
         pause(plant)
     except BaseException as error:
         if began() or not isinstance(error, CatenaryError):
-            attempt(error, holding=lambda: hold(plant), pausing=lambda: pause(plant))
+            attempt(error, holding=lambda: hold_at_setpoint(plant), pausing=lambda: pause(plant))
         raise
 
 
@@ -45,7 +45,7 @@ def paused_if_interrupted(plant: Plant) -> Iterator[None]:
         raise
 
 
-def hold(plant: Plant) -> None:
+def hold_at_setpoint(plant: Plant) -> None:
     """Hold a robot at its setpoint; one that is not enabled stands on its brakes and is left alone."""
     q = np.array(plant.setpoint_js().q)
     for _ in range(_HOLD_TICKS):

@@ -299,7 +299,7 @@ def run_random(
     return _watched(robot, run_trajectory, motion, joints=robot.joints, progress=progress)
 
 
-def follow(
+def follow_motion(
     robot: OperatedRobot,
     file: MotionLog,
     *,
