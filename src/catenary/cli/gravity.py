@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from catenary.workflows.trials import SimulatedArm
 
 _SHOWN_POSES = 9  # of a motion, in its report
-_TOLD_OFFSET = 0.5  # [deg|mm] of a reported position, from which on that is told
+_NOTED_OFFSET = 0.5  # [deg|mm] of a reported position, from which on a note says so
 _SIMULATED = argument("ROBOT", "raven2 or raven2_right, simulated with their cables, or another, as rigid bodies.")
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _WAVE = "M/S2,HZ[,DEG]"
@@ -93,11 +93,11 @@ class Conditions:
         from catenary.workflows.trials import base_sensor
 
         bias = self.sensor_bias or (0.0, 0.0, 0.0)
-        sensor, told = base_sensor(
+        sensor, mounting = base_sensor(
             self.base(), start=arm.plant.measured_js().time, bias=bias, noise=sensing.sensor_noise,
             seed=self.seed or 0, at=None if self.imu_frame is None else (arm.model, self.imu_frame),
         )  # fmt: skip
-        return sensing.source(sensor.mailbox, told, angular=True, feed=sensor.advance)
+        return sensing.source(sensor.mailbox, mounting, angular=True, feed=sensor.advance)
 
 
 def _wave(option: str, text: str, axis: str | None = None) -> "Wave":
@@ -145,17 +145,17 @@ def gravity(
 
     model = loaded.load(robot)
     model.require_masses()
-    gravity = given.told(model)
+    gravity = given.gravity_of(model)
     if latex:
         from catenary.gravity.compact_regressor import gravity_latex
 
         print_notes([*given.doubts(gravity), *mass_doubts(model)])
         print(gravity_latex(model, gravity))
         return
-    told = None
+    vendor_says = None
     if vendor is not None:
         command = vendor_command(vendor, in_controller_base(vendor, model, gravity))
-        told = {"command": command, "limits": vendor_of(vendor).limits}
+        vendor_says = {"command": command, "limits": vendor_of(vendor).limits}
     values = joints.of(model)
     torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]
@@ -165,7 +165,7 @@ def gravity(
         "robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity, "tau": torques,
         "unit": units, "level": on_level, "unseen": open_to.tolist(),
         "delta": gravity_delta(model, values, gravity),  # for firmware that knows a level base only
-        "base": model.base, **({} if told is None else {"vendor": told}),
+        "base": model.base, **({} if vendor_says is None else {"vendor": vendor_says}),
     }  # fmt: skip
     shown = ", ".join(f"{v:.4g}" for v in gravity)
     axes = "base axes" if model.base == "base" else f"axes of {model.base}"
@@ -173,10 +173,10 @@ def gravity(
     apart = [here - there for here, there in zip(torques, on_level, strict=True)]
     rows = list(zip(model.joint_names, torques, on_level, apart, units, strict=True))
     title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
-    command_line = None if told is None else f"{vendor}: {told['command'] or 'no command'}"
+    command_line = None if vendor_says is None else f"{vendor}: {vendor_says['command'] or 'no command'}"
     print_result(found, Table(columns, rows, title), command_line)
-    if told is not None and not prints_json():
-        print_notes([f"{vendor}: {told['limits']}"])
+    if vendor_says is not None and not prints_json():
+        print_notes([f"{vendor}: {vendor_says['limits']}"])
 
 
 def _unseen(model: "catenary.RobotModel", open_to: "Floats") -> list[str]:
@@ -276,7 +276,7 @@ def hold_arm(
     felt = arm.plant.measured_js().gravity
     result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing), calibrated=calibrated)
     joints_off = [
-        joint for joint in result.as_data()["joints"] if not calibrated and joint["reported_off"] > _TOLD_OFFSET
+        joint for joint in result.as_data()["joints"] if not calibrated and joint["reported_off"] > _NOTED_OFFSET
     ]
     if joints_off:
         far = ", ".join(f"{joint['name']} by up to {joint['reported_off']:.2g} {joint['unit']}" for joint in joints_off)

@@ -46,7 +46,7 @@ class StatedGravity:
         "AX,AY,AZ", "Instead of --gravity: accelerometer's reading on the base at rest, m/s2.", not_with="base_tilt_deg"
     )
 
-    def stated(self, told: "Mounting | None" = None) -> "Floats":
+    def stated(self, mounting: "Mounting | None" = None) -> "Floats":
         """Return gravity, (3,) in base axes [m/s2]; a reading is corrected and turned by the sensor's mounting."""
         from catenary.arrays import as_array
         from catenary.sensing.mounting import Mounting
@@ -55,7 +55,7 @@ class StatedGravity:
 
         if self.imu_reading is not None:
             reading = as_array("--imu-reading", self.imu_reading, (3,))
-            return (told or Mounting()).gravity(reading, Kind.SPECIFIC_FORCE)
+            return (mounting or Mounting()).gravity(reading, Kind.SPECIFIC_FORCE)
         return LEVEL if self.vector is None else as_array("gravity", self.vector, (3,))
 
 
@@ -69,15 +69,15 @@ class GivenGravity(StatedGravity):
         "FRAME", "Frame of the sensor in the robot's description.", goes_with="imu_reading", not_with="mounting"
     )
 
-    def told(self, model: "catenary.RobotModel") -> "Floats":
+    def gravity_of(self, model: "catenary.RobotModel") -> "Floats":
         """Return gravity, (3,) in axes of a robot's base [m/s2]."""
         from catenary.sensing.mounting import Mounting, load_mounting
         from catenary.sensing.vector import tilted_gravity
 
         if self.base_tilt_deg is not None:
             return tilted_gravity(*map(math.radians, self.base_tilt_deg))
-        told = Mounting() if self.mounting is None else load_mounting(self.mounting).in_base_of(model)
-        return self.stated(told if self.imu_frame is None else told.at(model, self.imu_frame))
+        mounting = Mounting() if self.mounting is None else load_mounting(self.mounting).in_base_of(model)
+        return self.stated(mounting if self.imu_frame is None else mounting.at(model, self.imu_frame))
 
     def doubts(self, gravity: "Floats") -> list[str]:
         """Return in words why this gravity may not be the one that was meant."""
@@ -119,10 +119,10 @@ class ReadingOptions:
         """Units are said."""
         return bool(self.units or self.driver)
 
-    def mounted(self, told: "Mounting", by_tf: "Callable[[str, str], Pose] | None" = None) -> "Mounting":
+    def mounted(self, mounting: "Mounting", by_tf: "Callable[[str, str], Pose] | None" = None) -> "Mounting":
         """Return a mounting, placed and turned as the robot's description, or /tf, has the sensor's frame."""
         if self.imu_frame is None:
-            return told
+            return mounting
         if self.imu_frame.startswith("tf:"):
             _, *frames = self.imu_frame.split(":")
             if len(frames) != 2 or by_tf is None:
@@ -131,11 +131,11 @@ class ReadingOptions:
                     "--replay or a topic of gravity-node"
                 )
             rotation, position = by_tf(*frames)
-            return replace(told, rotation=rotation, position=position, base=frames[0])
+            return replace(mounting, rotation=rotation, position=position, base=frames[0])
         robot, colon, name = self.imu_frame.rpartition(":")
         if not colon:
             raise InputError(f'--imu-frame "{self.imu_frame}": expected ROBOT:FRAME, as arm.urdf:imu_link')
-        return told.at(catenary.load_robot(robot), name)
+        return mounting.at(catenary.load_robot(robot), name)
 
 
 GRAVITY_TOPIC = option(
@@ -169,5 +169,5 @@ class SensingOptions:
         """Return the source of gravity that reads a mailbox so."""
         from catenary.sensing.imu import SensedGravity
 
-        told = values_of(self, "fallback", "hanging", "stale_after", "age_limit", "attitude_time", "start_limit")
-        return SensedGravity(mailbox, mounting, mounted_on=self.mounting_on, angular=angular, feed=feed, **told)
+        options = values_of(self, "fallback", "hanging", "stale_after", "age_limit", "attitude_time", "start_limit")
+        return SensedGravity(mailbox, mounting, mounted_on=self.mounting_on, angular=angular, feed=feed, **options)

@@ -164,7 +164,7 @@ def identify_cable(
     for key in ("friction", "joint_side", "motor_side", "stiffness", "width"):
         columns.append((key.replace("_", " "), partial(cell, key=key)))
     table = Table(columns, loops, "Cables, in rad and Nm or m and N")
-    lines = [f"{loop.joint}: not told: {why}" for loop in loops for why in loop.untold]
+    lines = [f"{loop.joint}: not determined: {why}" for loop in loops for why in loop.untold]
     content = {"log": log.name, "joints": [loop._asdict() for loop in loops], "notes": notes}
     print_result(content, table, *lines, notes=notes)
 
@@ -224,17 +224,17 @@ def payload(
         sure = f" (probability {best.probability:.2f})" if len(best.likely) == 1 and at is None else ""
         parts.append(f"payload {best.location}{sure}")
     elif best.rival:
-        parts.append("a payload, or something that looks alike: not told")
+        parts.append("a payload, or something that looks alike: not determined")
     else:
         parts.append(f"no payload (confidence {best.confidence:.3f} that there is one)")
     if best.detected and len(best.likely) > 1:
         parts.append(f"if it is on {best.link}:")
     if best.beside and (best.detected or at is not None):
         parts.append(f"beside it: {best.beside}")
-    told = best.detected or at is not None
-    if best.mass is not None and told:
+    is_found = best.detected or at is not None
+    if best.mass is not None and is_found:
         parts.append(f"mass: {1000 * best.mass:.1f} g, standard deviation {1000 * (best.mass_std or 0.0):.1f} g")
-    if best.moment is not None and best.moment_std is not None and told:
+    if best.moment is not None and best.moment_std is not None and is_found:
         moment, off = (", ".join(f"{v:.4f}" for v in values) for values in (best.moment, best.moment_std))
         parts.append(f"mass times place in {best.link}: {moment} kg m, standard deviations {off}")
     if result.candidates:
@@ -255,10 +255,10 @@ def _external(data: Sequence[Path], model: Path, out: Path, **how: Any) -> None:
     title = f"External torques in {found.log}; 5 % lie beyond where nothing touches"
     lines = []
     if (strongest := found.strongest()) is not None:
-        told = [f"{v:.2f} ± {w:.2f}" for v, w in zip(strongest["wrench"], strongest["half_width"], strict=True)]
+        numbers = [f"{v:.2f} ± {w:.2f}" for v, w in zip(strongest["wrench"], strongest["half_width"], strict=True)]
         lines += [
-            f"largest force on {found.model.tip}: {', '.join(told[:3])} N in base axes at {strongest['time']:.2f} s",
-            f"moment then: {', '.join(told[3:])} Nm",
+            f"largest force on {found.model.tip}: {', '.join(numbers[:3])} N in base axes at {strongest['time']:.2f} s",
+            f"moment then: {', '.join(numbers[3:])} Nm",
         ]
     content = {**found.summary(), "file": str(out)}
     print_result(content, Table(columns, found.joints, title), *lines, f"rows: {out}", notes=found.notes)
@@ -277,12 +277,12 @@ def _wrist_tool(data: Sequence[Path], wrist: WristSensor, accept: Sequence[str])
     if wrist.tool is not None:
         save_tool(wrist.tool, tool)
     facts = [("mass", f"{tool.mass:.4f} kg, standard deviation {tool.mass_deviation:.4f} kg")]
-    told = (
+    rows = (
         ("centre", tool.center, tool.center_deviation, "m in the sensor's axes"),
         ("force bias", tool.force_bias, tool.force_bias_deviation, "N"),
         ("torque bias", tool.torque_bias, tool.torque_bias_deviation, "Nm"),
     )
-    for name, values, deviations, unit in told:
+    for name, values, deviations, unit in rows:
         shown, off = (", ".join(f"{v:.4f}" for v in row) for row in (values, deviations))
         facts.append((name, f"{shown} {unit}, standard deviations {off}"))
     left = ("left", f"{tool.force_rms:.4f} N, {tool.torque_rms:.4f} Nm RMS")

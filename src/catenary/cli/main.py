@@ -150,7 +150,7 @@ def _options(
 
 
 def main() -> None:
-    """Run the command; how it ends is told by its exit code (cli/exit_codes.py), an error also by a message."""
+    """Run the command; it ends with an exit code (cli/exit_codes.py), an error also with a message."""
     sys.stdout = sys.stdout or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # a service may have closed it
     sys.stderr = sys.stderr or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):

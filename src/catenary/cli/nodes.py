@@ -233,11 +233,11 @@ def gravity_node(
     from catenary.sensing.vector import Mailbox
 
     require_one(**values_of(sensor, "imu", "accel", "vector", "port"))
-    told = Mounting() if mounting is None else load_mounting(mounting)
+    attached = Mounting() if mounting is None else load_mounting(mounting)
     mailbox = Mailbox(convention=reading.convention())
     with ExitStack() as stack:
         transport = stack.enter_context(network.joined("gravity"))
-        told = reading.mounted(told, partial(heard_pose, transport))
+        attached = reading.mounted(attached, partial(heard_pose, transport))
         feed: Callable[[float], None] | None = None
         counts: Any
         if sensor.port is not None:
@@ -246,7 +246,7 @@ def gravity_node(
             )
             hello = device.wait_ready()
             print_notes([f"{sensor.port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
-            told, angular, counts = device.with_ranges(told), hello.has_gyroscope, device.counts
+            attached, angular, counts = device.with_ranges(attached), hello.has_gyroscope, device.counts
         else:
             name, kind = sensor.topic()
             heard = GravityTopic(transport, name, kind, mailbox, points_down=sensor.points_down)
@@ -257,8 +257,8 @@ def gravity_node(
         if published.delta_of is not None:
             arm = LevelBaseArm(catenary.load_robot(published.delta_of), published.joints)
         if arm is not None and (mounting or reading.imu_frame):
-            told = told.in_base_of(arm.model)  # whose axes its torques are of
-        source = sensing.source(mailbox, told, angular=angular, feed=feed)
+            attached = attached.in_base_of(arm.model)  # whose axes its torques are of
+        source = sensing.source(mailbox, attached, angular=angular, feed=feed)
         node = GravityNode(
             transport, source, topic=published.topic, frame_id=published.frame, urscript=published.urscript,
             arm=arm, link=lambda: asdict(counts),
@@ -370,10 +370,10 @@ def _gravity_line(status: "GravityStatus") -> tuple[str, Sequence[str]]:
 
 def _tool_line(status: "ToolStatus") -> tuple[str, Sequence[str]]:
     x, y, z, *torque = status.wrench
-    told = f"force {x:+7.2f} {y:+7.2f} {z:+7.2f} N, torque {torque[0]:+6.3f} {torque[1]:+6.3f} {torque[2]:+6.3f} Nm"
+    wrench = f"force {x:+7.2f} {y:+7.2f} {z:+7.2f} N, torque {torque[0]:+6.3f} {torque[1]:+6.3f} {torque[2]:+6.3f} Nm"
     off = (
         f"off by {max(status.deviation[:3]):.2g} N, {1000.0 * status.age_s:.0f} ms old"
         if status.published
         else "none yet"
     )
-    return f"{status.seconds:7.0f} s  {status.status}  {told}, {off}", status.warnings
+    return f"{status.seconds:7.0f} s  {status.status}  {wrench}, {off}", status.warnings

@@ -175,11 +175,11 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
 def json_help(help: str) -> Callable[[Command], Command]:
     """Say in a command's help what its --json prints, where that is not one result at the end."""
 
-    def told(command: Command) -> Command:
+    def with_help(command: Command) -> Command:
         command.json_help = help  # type: ignore[attr-defined]
         return command
 
-    return told
+    return with_help
 
 
 def prints_tables(command: Command) -> Command:

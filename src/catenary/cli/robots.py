@@ -189,7 +189,7 @@ def plot(
         _plot_errors(Path(robot), log, joint, recordings, out)
         return
     model = loaded.load(robot)
-    gravity = given.told(model)
+    gravity = given.gravity_of(model)
     values = joints.given(model)
     pose = middle_pose(model) if values is None else values
     notes = beyond_limits(model, pose) if values is not None else []
@@ -266,8 +266,8 @@ def _identifiability(report: "RegressorReport") -> list[Any]:
     title = f"{report.model.name}: do gravity torques tell masses m, and moments m c in the links' frames?"
     standard = Table(["parameter", "level base", "tilted base", value, "unit"], rows, title, left=3)
     rows = [[name, base.count, len(names), base.condition] for name, base in report.bases.items()]
-    told = Table(["base", "combinations", "of", ("condition", ":.3g")], rows, "What torques tell")
+    bases = Table(["base", "combinations", "of", ("condition", ":.3g")], rows, "What torques tell")
     values = zip(report.combinations("level"), report.base_values("level"), strict=True)
     rows = [[f"b{k}", *cells] for k, cells in enumerate(values, 1)]
     combinations = Table(["", "", value], rows, "Combinations on a level base", left=2)
-    return [standard, told, combinations, *(f"  {sentence}" for sentence in report.sentences())]
+    return [standard, bases, combinations, *(f"  {sentence}" for sentence in report.sentences())]

@@ -61,12 +61,12 @@ class ReplayOptions:
         print_notes(found.notes)
         return found
 
-    def calibrated(self, recording: "ImuRecording", told: "Mounting") -> "TumbleOutcome":
+    def calibrated(self, recording: "ImuRecording", known: "Mounting") -> "TumbleOutcome":
         """Calibrate the sensor by its rests in a recording."""
         from catenary.workflows.sense import calibrate_replay, read_orientations
 
         model = None if self.robot is None else catenary.load_robot(self.robot)
-        start = told if model is None else replace(told, base=self.frame or model.tip)
+        start = known if model is None else replace(known, base=self.frame or model.tip)
         return calibrate_replay(
             recording, read_orientations(self.orientations or Path(), model, self.frame), start=start
         )
@@ -81,14 +81,14 @@ class SimulatedSensorOptions:
     rate: float | None = option("HZ", "Sample rate of the simulated sensor. [default: 200]", goes_with="simulated")
     seed: int = option(None, "Seed of the simulated sensor's noise.", 0, least=0, goes_with="simulated")
 
-    def model(self, told: "Mounting") -> "SensorModel":
-        """Return the sensor, of which what is told of its mounting is true."""
+    def model(self, known: "Mounting") -> "SensorModel":
+        """Return the simulated sensor, whose stated mounting is true."""
         from catenary.simulation.sensors import SensorModel
 
         model = SensorModel(200.0 if self.rate is None else self.rate)
         ranges = ("acceleration_range", "rate_range")
-        least = {key: min(getattr(told, key), getattr(model.mounting, key)) for key in ranges}
-        return replace(model, mounting=replace(told, **least))
+        least = {key: min(getattr(known, key), getattr(model.mounting, key)) for key in ranges}
+        return replace(model, mounting=replace(known, **least))
 
     def feed(self, model: "SensorModel") -> "Feed":
         """Return its samples on a base at rest."""
@@ -136,16 +136,16 @@ def sense(
         refuse_outputs({"--out": (out, MOUNTING)}, [mounting] if mounting else [])
     bag = replaying.replay
     by_tf = None if bag is None else partial(recorded_pose, bag)
-    told = reading.mounted(Mounting() if mounting is None else load_mounting(mounting), by_tf)
+    known = reading.mounted(Mounting() if mounting is None else load_mounting(mounting), by_tf)
     recording = replaying.recording(reading, tumble=tumble)
-    model = simulation.model(told)
+    model = simulation.model(known)
     if simulation.simulated:
-        told = model.mounting
+        known = model.mounting
     if tumble and port is None:
         if recording is None:
-            outcome = run_tumble(simulated_reader(model, seed=simulation.seed), start=told)
+            outcome = run_tumble(simulated_reader(model, seed=simulation.seed), start=known)
         else:
-            outcome = replaying.calibrated(recording, told)
+            outcome = replaying.calibrated(recording, known)
         _conclude_tumble(outcome, out)
         return
     with ExitStack() as stack:
@@ -158,14 +158,14 @@ def sense(
             hello = device.wait_ready()
             print_notes([f"{port}: {hello.sensor}, {hello.rate_hz:g} Hz"])
             feed = Feed(device.mailbox, hello.has_gyroscope, link=lambda: asdict(device.counts))
-            told = device.with_ranges(told)
+            known = device.with_ranges(known)
         else:
             feed = simulation.feed(model)
         if tumble:
             print_notes([f"{len(ATTITUDES)} attitudes; put the sensor there, let go of it, then press Enter"])
-            _conclude_tumble(run_tumble(_by_hand(feed), start=told, taken=feed.taken), out)
+            _conclude_tumble(run_tumble(_by_hand(feed), start=known, taken=feed.taken), out)
         else:
-            _watch(feed, sensing.source(feed.mailbox, told, angular=feed.has_gyroscope), duration)
+            _watch(feed, sensing.source(feed.mailbox, known, angular=feed.has_gyroscope), duration)
 
 
 def _watch(feed: "Feed", source: "SensedGravity", duration: float | None) -> None:

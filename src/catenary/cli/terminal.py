@@ -69,7 +69,7 @@ def _set_for_a_while(variable: ContextVar[bool], value: bool) -> Iterator[None]:
 
 
 def print_json_line(content: Any) -> None:
-    """Print one JSON document on one line, so that a program can read them as they come."""
+    """Print one JSON document on one line, so that a program can read each on arrival."""
     print(json.dumps(json.loads(json_text(content))), flush=True)
 
 

@@ -10,9 +10,9 @@ Published below the arm's namespace (/arm1 gold, /arm2 green, never swapped; a P
 - `gravity_torque` (sensor_msgs/JointState, effort) on request: what holds the positioning joints still.
 
 Nothing is published while the robot is not homed: its joint positions mean nothing then. Nor is anything of a message
-that holds NaN or lacks joints: it is counted, and the model begins anew. While another input of the model (torques,
+that holds NaN or lacks joints: it is counted, and the model restarts. While another input of the model (torques,
 gravity) is older than the client allows, `is_valid` is false, and that is counted. After a silence the model
-begins anew, as its states belong to another motion. Where this program does not keep up, it publishes less,
+restarts, as its states belong to another motion. Where this program does not keep up, it publishes less,
 not later: of messages that have waited too long all go into the model, and the newest is published.
 """
 
@@ -79,10 +79,10 @@ class WireReport:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data: times in microseconds where so named."""
-        told = {**vars(self), "keeps_up": self.keeps_up}
+        content = {**vars(self), "keeps_up": self.keeps_up}
         for name in ("latency", "longest_silence", "outside", "joint_names"):
-            del told[name]
-        return told | {
+            del content[name]
+        return content | {
             "latency_us": None if self.latency is None else self.latency.in_us(),
             "longest_silence_s": self.longest_silence,
             "outside_valid_range": dict(zip(self.joint_names, self.outside, strict=True)),

@@ -46,7 +46,7 @@ class GravityStatus(NamedTuple):
     link: dict[str, Any]  # counts of the sensor's line or topic
     base: str  # the frame whose axes these are
     remedy: str = ""  # what mends a gyroscope that does not turn as gravity does
-    complaint: str = ""  # why nothing is told of an arm
+    complaint: str = ""  # why nothing is known of an arm
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -118,7 +118,7 @@ class GravityNode:
         if urscript is not None:
             in_controller_base("ur", source.mounting.base, LEVEL)  # refuses axes that it cannot bring there
         self._scripted, self._scripted_at = np.zeros(3), -np.inf
-        self._arm, self.complaint = arm, ""  # why nothing is told of an arm
+        self._arm, self.complaint = arm, ""  # why nothing is known of an arm
         if arm is not None:
             arm.model.require_inertia()
             self._kernels = holding_kernel(arm.model), gravity_kernel(arm.model)
@@ -164,12 +164,12 @@ class GravityNode:
         if message is None:
             self.complaint = f"no delta: no joints on {arm.joints}"
             return
-        told = dict(zip(message.name, message.position, strict=False))
-        missing = [name for name in names if not math.isfinite(told.get(name, math.nan))]
+        positions = dict(zip(message.name, message.position, strict=False))
+        missing = [name for name in names if not math.isfinite(positions.get(name, math.nan))]
         self.complaint = f"no delta: {arm.joints} tells nothing of {', '.join(missing)}" if missing else ""
         if missing or reading.status is not ReadingStatus.LIVE:
             return
-        q, (holding, gravity) = np.array([told[name] for name in names]), self._kernels
+        q, (holding, gravity) = np.array([positions[name] for name in names]), self._kernels
         beyond = holding(q, reading.gravity, *reading.base_rates) - gravity(q, LEVEL)
         self._delta.publish(joint_state_message(names, stamp, effort=beyond))
 

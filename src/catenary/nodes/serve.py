@@ -104,8 +104,8 @@ def make_server(
         raise InputError(f"rate: expected the robot's {1.0 / period:g} Hz divided by a whole number, got {rate_hz:g}")
     measured = (psm_topic(place, "tracker/measured_js"),) if serving.is_psm else (JOINT_ENC, EXT_JPOS)
     plant = next(iter(plants.values()))  # the gold arm, or the PSM
-    told = {column.name for column in plant.columns if serving.with_encoders and (is_raven or serving.is_psm)}
-    has_all = told >= {topic.columns[0].name for topic in measured}
+    columns = {column.name for column in plant.columns if serving.with_encoders and (is_raven or serving.is_psm)}
+    has_all = columns >= {topic.columns[0].name for topic in measured}
     encoders = ServedEncoders(transport, plant, measured) if has_all else None
     return Server(transport, arms, speaker, reports, button=is_raven, publish_every=every, encoders=encoders)
 

@@ -65,9 +65,9 @@ def c_header(
     if calibration is not None and calibration.kind in MODEL_KINDS and not MODEL_KINDS[calibration.kind].in_c:
         raise InputError(f"C header: a model of kind {calibration.kind} runs in Python alone, there is no C of it")
     name, notes, functions = c_name("model" if model is None else model.name), list[str](), list[str]()
-    told: dict[str, Any] = {"name": name, "known": known, "rate_hz": rate_hz, "what": "Calibration model"}
+    values: dict[str, Any] = {"name": name, "known": known, "rate_hz": rate_hz, "what": "Calibration model"}
     if model is not None:
-        told["what"] = f"Robot {c_comment(model.name)}"
+        values["what"] = f"Robot {c_comment(model.name)}"
         if loads is not None:
             model.require_inertia()
         if calibration is None:
@@ -78,8 +78,8 @@ def c_header(
                 "regressor; the header holds the correction alone"
             )
         else:
-            told |= _gravity(model, name)
-            functions += ["gravity", "standard_gravity_regressor", *["compact_regressor"] * ("compact" in told)]
+            values |= _gravity(model, name)
+            functions += ["gravity", "standard_gravity_regressor", *["compact_regressor"] * ("compact" in values)]
         if model.missing_tensor and not model.missing_inertia:
             notes.append(
                 f'robot "{model.name}": no possible inertia for {", ".join(model.missing_tensor)}, so gravity and '
@@ -87,7 +87,7 @@ def c_header(
             )
         elif not model.missing_inertia:
             loads = known_loads(model) if loads is None else loads
-            told |= _motion(model, told["at"], loads)
+            values |= _motion(model, values["at"], loads)
             remembers = [
                 t for t in (() if loads is None else loads.terms) if t.friction is not None and t.friction.memory
             ]
@@ -98,17 +98,17 @@ def c_header(
             functions += [*(["friction", "drives"] if loads is not None else []), "feedforward"]
         if tool is not None:
             model.require_masses()
-            told |= {"tool": tool, "tool_load": tool_line(model, tool)}
+            values |= {"tool": tool, "tool_load": tool_line(model, tool)}
             functions += ["tool_load", "without_tool"]
     if calibration is not None:
-        told |= _correction(calibration, Corrector(calibration, rate_hz=rate_hz), name, rate_hz)
+        values |= _correction(calibration, Corrector(calibration, rate_hz=rate_hz), name, rate_hz)
         functions += ["reset", "correct", "interval"]
         notes += [*_other_joints(known, calibration), *calibration.asked_of_reports]
     environment = Environment(trim_blocks=True, keep_trailing_newline=True)
     environment.filters |= {"comment": c_comment, "values": _values, "joints": _joints}
     environment.globals["function"] = partial(c_function, name)
     template = (files("catenary.workflows") / "c_header.h").read_text(encoding="ascii")
-    text = environment.from_string(template).render(told)
+    text = environment.from_string(template).render(values)
     return Header(text, tuple(f"{name}_{function}" for function in functions), tuple(notes))
 
 
@@ -137,7 +137,7 @@ def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
 def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None) -> dict[str, Any]:
     """Return the header's lines about a motion, which needs moments of inertia, and values to check them by."""
     motion = lines.inverse_dynamics_line(model)
-    told: dict[str, Any] = {
+    values: dict[str, Any] = {
         "mass": lines.mass_matrix_line(model),
         "holding": lines.holding_line(model),
         "motion": motion,
@@ -145,14 +145,14 @@ def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None)
         "loads": loads,
     }
     if loads is None:
-        return told
+        return values
     smooth = loads.actuation.coulomb_velocity
     how = "has the sign of the speed, and is none at rest"
     if smooth > 0.0:
         how = f"goes through zero as tanh(speed / {smooth!r})"
     effects = ", ".join(f"{term.kind} {term.name}" for term in loads.terms)
     effects += "".join(f", known torque {known.name}" for known in loads.actuation.known_torques)
-    return told | {
+    return values | {
         "sliding": f"Coulomb friction {how}",
         "effects": effects,
         "friction": lines.friction_line(loads),
@@ -203,7 +203,7 @@ def _joints(of: Jointed) -> str:
 
 
 # Each compiled function of a tick is translated as it stands, and called with one row; arrays become constants, working
-# memory, or the state that the caller keeps. The C compiler must not be told -ffast-math, which takes NaN for a number.
+# memory, or the state that the caller keeps. Do not compile with -ffast-math, which takes NaN for a number.
 _CORRECTION_HEAD = """\
 /* What the correction remembers of earlier ticks. */
 typedef struct {{

@@ -100,11 +100,11 @@ class FileReport:
         """What a screen has room for; findings that have a line among the facts are not repeated."""
         if self.joints is None:
             return self.remarks
-        told = ("units not stated", *(f"{name}: " for name, _ in self.lines))
+        shown = ("units not stated", *(f"{name}: " for name, _ in self.lines))
         remarks = [
             shorten(remark, _MAX_REMARK_LENGTH, placeholder=" ...")
             for remark in self.remarks
-            if not remark.startswith(told)
+            if not remark.startswith(shown)
         ]
         room = _SCREEN_ROWS - len(self.lines) - len(self.joints.records) - 2 * len(self.faults)
         most = max(1, room // 2 - 1)
@@ -113,9 +113,9 @@ class FileReport:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""
-        told = {key: getattr(self, key) for key in ("kind", "facts", "faults", "remarks")}
+        content = {key: getattr(self, key) for key in ("kind", "facts", "faults", "remarks")}
         findings = [asdict(finding) for finding in self.findings]
-        return {"format": _FORMAT, **told, "findings": findings, "verdict": self.verdict, "next": self.next}
+        return {"format": _FORMAT, **content, "findings": findings, "verdict": self.verdict, "next": self.next}
 
 
 _GAP_STEPS = 10.0  # times the median step between stamps
@@ -203,8 +203,8 @@ def _tell(found: FileReport, findings: Sequence[Finding]) -> None:
     found.lines += [("delay", finding.says) for finding in findings if finding.name == "delay"]
     measured = found.facts["measured_rows"]
     wild = ", ".join(f"{j['name']} {j['outliers']}" for j in found.facts["joints"] if j["outliers"])
-    told = f"{wild} of {measured:,} rows, beyond {OUTLIER_SIGMAS:g} robust standard deviations" if wild else "none"
-    found.lines += [("outliers", told)] * bool(measured)
+    outliers = f"{wild} of {measured:,} rows, beyond {OUTLIER_SIGMAS:g} robust standard deviations" if wild else "none"
+    found.lines += [("outliers", outliers)] * bool(measured)
     if delay is not None and delay.sure != "certain":
         found.hiding = [f"a delay within {delay.low:+.3f} to {delay.high:+.3f} {delay.unit} would hide"]
 
@@ -231,8 +231,8 @@ def recording_report(
         gaps, longest = int((forward > _GAP_STEPS * median).sum()), float(forward.max())
         found.facts |= {"median_step_s": median, "gaps": gaps, "longest_gap_s": longest if gaps else None}
         long = f"{gaps} gaps longer than {_GAP_STEPS:g} steps, the longest {longest:.3g} s" if gaps else "no gaps"
-        told = f"{duration:.1f} s, median step {median:.4g} s ({1.0 / median:.4g} Hz), {long}"
-        found.tell("duration_s", duration, told, called="duration")
+        timing = f"{duration:.1f} s, median step {median:.4g} s ({1.0 / median:.4g} Hz), {long}"
+        found.tell("duration_s", duration, timing, called="duration")
     found.lines.append(("units", f"{', '.join(log.joint_units)}: {units}"))
     found.facts["joints"] = _joints(log, robot, log if cured is None else cured)
     found.joints = _table(found.facts["joints"], measured=log.q_encoder is not None)
@@ -251,7 +251,7 @@ def _units(log: MotionLog) -> str:
 
 def _joints(log: MotionLog, robot: RobotModel | None, cured: MotionLog) -> list[dict[str, Any]]:
     """Return the range and the errors of each joint, in its own unit, errors in deg and mm."""
-    told = []
+    rows = []
     for j, (name, unit, shown) in enumerate(zip(log.joint_names, log.joint_units, hysteresis_of(cured), strict=True)):
         low, high = float(log.q_nominal[:, j].min()), float(log.q_nominal[:, j].max())
         joint: dict[str, Any] = {"name": name, "unit": unit, "lowest": low, "highest": high, "share_of_limits": None}
@@ -266,8 +266,8 @@ def _joints(log: MotionLog, robot: RobotModel | None, cured: MotionLog) -> list[
             joint |= {"error_rms": float(np.sqrt(np.mean(error**2))), "error_largest": float(np.abs(error).max())}
             joint["outliers"] = int(outliers(error[:, None])[0][0])
         widths = {"hysteresis": shown.loop, "slack": shown.slack}
-        told.append(joint | {key: float(x) if np.isfinite(x) else None for key, x in widths.items()})
-    return told
+        rows.append(joint | {key: float(x) if np.isfinite(x) else None for key, x in widths.items()})
+    return rows
 
 
 def _table(joints: Sequence[dict[str, Any]], *, measured: bool) -> Table:
@@ -407,8 +407,8 @@ def check_robot(model: RobotModel) -> FileReport:
     for name, unit, lower, upper in zip(model.joint_names, model.joint_units, *ends, strict=True):
         joints.append({"name": name, "unit": unit, "lower": lower, "upper": upper})
         shown, scale = DISPLAY[unit]
-        told = f"{scale * lower:g} to {scale * upper:g} {shown}" if np.isfinite([lower, upper]).any() else "no limits"
-        limits.append(f"{name} [{unit}] {told}")
+        bounds = f"{scale * lower:g} to {scale * upper:g} {shown}" if np.isfinite([lower, upper]).any() else "no limits"
+        limits.append(f"{name} [{unit}] {bounds}")
     mass, drives = float(model.tree.mass.sum()), _drives(model)
     found.tell("name", model.name)
     found.tell("joints", joints, "; ".join(limits))
@@ -473,19 +473,19 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
     if result is None:
         return faults, remarks, found
     left = zip(model.joint_names, result.training[0].relative_rms, strict=True)
-    told = f"all {result.base.count} base parameters ({terms}), condition {result.condition:.3g}"
+    parameters = f"all {result.base.count} base parameters ({terms}), condition {result.condition:.3g}"
     remarks += [
-        f"for identification: shows {told}",
+        f"for identification: shows {parameters}",
         "fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left: "
         + ", ".join(f"{name} {share:.3f}" for name, share in left),
     ]
     return faults, remarks, found
 
 
-def _with_card(told: Callable[[Path, Any, Card], FileReport], path: Path, content: Any, card: Card) -> FileReport:
+def _with_card(report_of: Callable[[Path, Any, Card], FileReport], path: Path, content: Any, card: Card) -> FileReport:
     """Tell of a file that was read and carries a card, which may say anything where a key is expected."""
     try:
-        return told(path, content, card)
+        return report_of(path, content, card)
     except CatenaryError:
         raise
     except (TypeError, LookupError, AttributeError, ValueError) as error:

@@ -133,10 +133,8 @@ def _limits(
         if around.geometry.assumed:
             notes.append(f"shapes are assumed, not measured: {around.geometry.origin}")
         if always:
-            told = ", ".join(f"{a} and {b}" for a, b in always)
-            notes.append(
-                f"within {1000 * around.margin:g} mm of each other in every pose, so that they are not compared: {told}"
-            )
+            pairs = ", ".join(f"{a} and {b}" for a, b in always)
+            notes.append(f"within {1000 * around.margin:g} mm of each other in every pose, and not compared: {pairs}")
         if not around.obstacles:
             notes.append("no floor, box or mesh is given: the robot is kept from hitting itself alone")
     limits = MotionLimits(model, room, gravity, scene, around.margin)

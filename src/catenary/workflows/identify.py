@@ -175,9 +175,9 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
         if not result.tests:
             notes.append("intervals are by the residual of the recordings that were fitted: give one with --unloaded")
     half_width = IN_95_PERCENT * deviation
-    told = np.maximum(half_width, 1e-9 * max(1.0, float(half_width.max())))
+    widths = np.maximum(half_width, 1e-9 * max(1.0, float(half_width.max())))
     wrenches = [
-        external_wrench(result.model, q, ExternalTorque(row, told)) for q, row in zip(pushed.q, torque, strict=True)
+        external_wrench(result.model, q, ExternalTorque(row, widths)) for q, row in zip(pushed.q, torque, strict=True)
     ]
     wrench, width = (np.array(values) for values in zip(*wrenches, strict=True))
     if not np.isfinite(wrench).any():
@@ -210,7 +210,7 @@ class IdentifyResult:
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
         result = self.identification
-        told = (
+        keys = (
             "n_base",
             "condition",
             "rank",
@@ -221,7 +221,7 @@ class IdentifyResult:
             "bodies",
             "training",
         )
-        return {key: self.card[key] for key in (*told, "tests", "notes")} | {
+        return {key: self.card[key] for key in (*keys, "tests", "notes")} | {
             "joints": list(result.model.joint_names),
             "terms": result.options.terms,
             "rotors": [rotor._asdict() for rotor in result.rotors],
@@ -297,8 +297,8 @@ def identify_files(
         result = result.with_gains(gains.gains)
     notes = [*(note for log in (*read, *read_tests) for note in log.named_notes), *gaps]
     if held:
-        told = ", ".join(f"{name} {value:.4g}" for name, value in held.items())
-        notes.append(f"{', '.join(joints)} are identified; held: {told}")
+        values = ", ".join(f"{name} {value:.4g}" for name, value in held.items())
+        notes.append(f"{', '.join(joints)} are identified; held: {values}")
     known = [log.identity for log in read]
     again = [log.name for log in read_tests if log.is_among(known)]
     notes += [f"{name}: is one of the recordings that were fitted: no test" for name in again]

@@ -1,7 +1,7 @@
 """Recordings of any make into a MotionLog: by a mapping, by a known layout, or by the proposal; whole, or in pieces.
 
 Each piece of a long bag or text table is read by the one synchroniser, with some rows before and behind it that are
-then cut off, so that only a piece is held at a time; units and time are told once, by a sample.
+then cut off, so that only a piece is held at a time; units and time are inferred once, from a sample.
 """
 
 import math
@@ -63,7 +63,7 @@ def import_recording(
         accept_proposal: Without a mapping, take the one that is proposed if nothing in it is open.
         answers: To questions that the proposal leaves open, such as {"q_encoder": "cam"}; accepts it, too.
         clock: By how many seconds the clocks of other files than q_nominal's are ahead when its rows begin, and how
-            many ppm they gain, "0.73,50", or "cam.csv=0.73,50" of one; told from the motion that both saw when empty.
+            many ppm they gain, "0.73,50", or "cam.csv=0.73,50" of one; estimated from common motion when empty.
 
     Raises:
         FileFormatError: A file cannot be read.
@@ -242,15 +242,15 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
         return
     wanted = columns_wanted(sources, mapping)
     said: dict[str, dict[str, None]] = {}  # notes, by what they say but for numbers
-    told = ""
+    prefix = ""
     sample = sources.streams[0]
     if sample.type == "table":
         time = time_of(sample, mapping.time, mapping.time_unit, mapping.rate_hz, today=sources.today)
         if time is not None and time.column:
             mapping = mapping.model_copy(update={"time": (time.column,), "time_unit": time.unit})
         if time is not None:
-            told = f"{sample.name}: time is "
-            said[told] = {f"{sample.name}: {time.said}": None}
+            prefix = f"{sample.name}: time is "
+            said[prefix] = {f"{sample.name}: {time.said}": None}
     before: tuple[MotionLog, Integers] | None = None
     measured = repeated = 0
     for first, last, begin, streams in _windows(sources.parts(wanted), wanted):
@@ -271,7 +271,7 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
         inside = np.flatnonzero((rows >= first) & (rows < (np.inf if last is None else last)))
         if not len(inside):
             continue
-        for note in [note for note in log.notes if not told or not note.startswith(told)]:
+        for note in [note for note in log.notes if not prefix or not note.startswith(prefix)]:
             said.setdefault(_shape(note), {})[where + note if _COUNTS.search(note) else note] = None
         measured, repeated = measured + int(log.ok[inside].sum()), repeated + log.repeated
         notes = (*map(_in_words, said.values()), *sources.problems)

@@ -91,13 +91,13 @@ class RegressorReport:
         def rows(keys: tuple[str, ...], *columns: Iterable[Any]) -> list[dict[str, Any]]:
             return [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
 
-        told = [f"s{k}" for k in range(1, len(form.labels) + 1)], form.labels, form.units, self.compact_values
+        numbers = [f"s{k}" for k in range(1, len(form.labels) + 1)], form.labels, form.units, self.compact_values
         kinds = self.identifiable("level"), self.identifiable("tilted")
         return {
             "robot": self.model.name,
             "compact": {
                 "columns": form.entries(),
-                "parameters": rows(("name", "expression", "unit", "value"), *told),
+                "parameters": rows(("name", "expression", "unit", "value"), *numbers),
                 "symbols": {name: symbol._asdict() for name, symbol in form.symbols.items()},
                 "without_effect": list(form.ineffective),
             },

@@ -316,7 +316,7 @@ def run_tumble(
     rough = align(rows[:2], up[:2]).rotation  # two directions never show a mirror; the third then does
     alignment = align(rows, up, expected=rough)
     if not faults and alignment.faults:  # the sensor is right, so the base was tilted otherwise
-        faults += [f"on the base: was it tilted as told, y side up, then x side down? {f}" for f in alignment.faults]
+        faults += [f"on the base: was it tilted as asked, y side up, then x side down? {f}" for f in alignment.faults]
     checked = False
     if not faults and taken:
         faults, checked = check_gyroscope(_as_recording(taken))

@@ -60,8 +60,8 @@ def record_simulated(
         joint.append(as_reported(plant, log.joint[here]))
         torque.append(joint_torques(plant.firmware, as_reported(plant, log.torque[here])))
         if columns:
-            told = of_both_arms(plant, log[here], beside, held)
-            signals, units = _state_signals(plant, told, len(here), columns)
+            ticks = of_both_arms(plant, log[here], beside, held)
+            signals, units = _state_signals(plant, ticks, len(here), columns)
             further.append(signals)
         seen = np.arange(0, last - first, _ENCODER_TICKS)
         positions = plant.encoders.positions(plant.encoders.counts(log.q[seen]))
@@ -88,12 +88,12 @@ def record_simulated(
 
 
 def _state_signals(
-    plant: CablePlant, told: dict[str, Floats], rows: int, columns: Sequence[str]
+    plant: CablePlant, ticks: dict[str, Floats], rows: int, columns: Sequence[str]
 ) -> tuple[dict[str, Floats], dict[str, str]]:
-    """Return columns of raven_state from what is told of ticks; zero where the simulated robot tells nothing."""
+    """Return columns of raven_state from a simulation's ticks; zero where it has no such quantity."""
     state: dict[str, Floats] = {}
     for column in RAVENSTATE.columns:
-        values = told.get(column.name, np.zeros((rows, column.width))).reshape(rows, column.width)
+        values = ticks.get(column.name, np.zeros((rows, column.width))).reshape(rows, column.width)
         state |= dict(zip(column.paths, values.T.astype(np.float64), strict=True))
     further = further_columns(columns, ARM_OF_SIDE[plant.side])
     signals = {name: state[path] for name, (path, _) in further.items()}

@@ -214,11 +214,11 @@ def base_sensor(
             raise InputError(f"sensor noise: expected 0 or more m/s2, got {noise}")
         # white up to half the sampling rate
         model = replace(model, noise=noise / float(np.sqrt(0.5 * model.rate_hz)))
-    told = model.mounting if at is None else model.mounting.at(*at)
-    true = replace(told, bias=as_array("sensor bias", bias, (3,)))
+    mounting = model.mounting if at is None else model.mounting.at(*at)
+    true = replace(mounting, bias=as_array("sensor bias", bias, (3,)))
     faults = () if fault is None else (fault,)
     sensor = SimulatedSensor(base, Mailbox(), replace(model, mounting=true), faults=faults, seed=seed, start=start)
-    return sensor, told
+    return sensor, mounting
 
 
 MOTIONS = ("cartesian", "random", "poses")

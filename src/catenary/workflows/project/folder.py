@@ -61,9 +61,9 @@ class FolderLock:
                 os.ftruncate(descriptor, 0)
                 os.write(descriptor, holder.encode("utf-8", "backslashreplace"))
             except BlockingIOError as error:
-                told = os.read(descriptor, _MAX_HOLDER_BYTES).decode("utf-8", "replace")
+                occupant = os.read(descriptor, _MAX_HOLDER_BYTES).decode("utf-8", "replace")
                 raise InUseError(
-                    f"{self.path.parent}: {told or 'another process is writing in it'}; wait until it ends"
+                    f"{self.path.parent}: {occupant or 'another process is writing in it'}; wait until it ends"
                 ) from error
             except OSError as error:
                 raise FileFormatError(f"{self.path}: cannot be locked: {error.strerror}") from error

@@ -105,9 +105,9 @@ def _raven(settings: ProjectSettings) -> ProjectKind:
         ]
 
     def excitation() -> Motion:
-        told = {"zigzag": settings.direction, "sparsities": settings.sparsities, "form": settings.form}
+        description = {"zigzag": settings.direction, "sparsities": settings.sparsities, "form": settings.form}
         path = zigzag(settings.direction, settings.sparsities, form=settings.form)  # type: ignore[arg-type]
-        return path, told
+        return path, description
 
     return ProjectKind(
         settings,

@@ -371,8 +371,8 @@ class RosRobot(ProjectRobot):
                     else:
                         self._guide.say(f"{folder.name}: {left.gap(self._transport.steady())}")
 
-                told: dict[str, Any] = {"about": about, "after": left, "ready": ready}
-                with TopicRecorder(self._transport, folder, kind.topics, **told) as recorder:
+                options: dict[str, Any] = {"about": about, "after": left, "ready": ready}
+                with TopicRecorder(self._transport, folder, kind.topics, **options) as recorder:
                     try:
                         record_motion(client, recorder, onwards, joints=kind.joints, progress=progress)
                         recorder.require(required)

@@ -15,7 +15,7 @@ from catenary.trajectories.reference import Reference, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to
 
-_HOLD_TICKS = 20  # during which a robot is told to stay where it is
+_HOLD_TICKS = 20  # during which a robot is commanded to hold its position
 _ARRIVAL_S = 0.5  # [s] that a robot's setpoint gets at a motion's end to come to where it was sent last
 _ARRIVED_WITHIN = 1e-6  # [rad|m]
 
@@ -70,7 +70,7 @@ Observer = Callable[[JointState, Reference, float], None]
 GENTLE_VELOCITY = {"rad": 0.2, "m": 0.01}  # [rad/s], [m/s]
 GENTLE_ACCELERATION = {"rad": 0.5, "m": 0.025}  # [rad/s2], [m/s2]
 
-_BLOCK = 1000  # ticks whose setpoints are computed at once; progress is told as often
+_BLOCK = 1000  # ticks whose setpoints are computed at once; progress is reported as often
 _STEP = 0.01  # [s] between the places of a motion that are checked
 _AT_LIMIT = 1e-9  # [rad|m] rounding, with a wide margin
 _THERE = 1e-9  # [rad|m] nearer than any encoder tells

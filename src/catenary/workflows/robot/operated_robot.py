@@ -47,9 +47,9 @@ class OperatedRobot:
         """Return the true positions of the model's joints; None except in a simulation."""
         if not any(column.name == TRUE_COLUMN for column in self.plant.columns):
             return None
-        told, n = self.plant.telemetry(), self.model.n
-        encoders = told.get(_ENCODER_COLUMN)
-        return Truth(np.asarray(told[TRUE_COLUMN][:n]), None if encoders is None else np.asarray(encoders[:n]))
+        telemetry, n = self.plant.telemetry(), self.model.n
+        encoders = telemetry.get(_ENCODER_COLUMN)
+        return Truth(np.asarray(telemetry[TRUE_COLUMN][:n]), None if encoders is None else np.asarray(encoders[:n]))
 
     def tip(self, q: Floats) -> Floats:
         """Return the tip in the base frame (3,) [m], at joints of the model (n,) or more [rad|m]; NaN at NaN."""

@@ -1,4 +1,4 @@
-"""Record a robot's topics as they come, with the robot's own stamps, into the journal that everything else reads.
+"""Record a robot's topics on arrival, with the robot's own stamps, into the journal that everything else reads.
 
 Unlike `Recorder`, which makes messages from a simulator's telemetry, this one keeps what was published: headers, stamps
 and bytes. Topics that come faster than they are wanted are thinned, by their own stamps: one that comes at the wanted
