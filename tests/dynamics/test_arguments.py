@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.dynamics.frame_motion import frame_motion
 from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics, mass_matrix
 from catenary.dynamics.kinematics import forward_kinematics, jacobian, link_poses
 from catenary.dynamics.robot_kernels import (
@@ -28,6 +29,7 @@ from catenary.gravity.torque import (
 from catenary.robots.catalog import load_robot
 
 RAVEN = load_robot("raven2")
+
 FUNCTIONS = {
     forward_kinematics: ("q",),
     link_poses: ("q",),
@@ -35,6 +37,7 @@ FUNCTIONS = {
     mass_matrix: ("q",),
     coriolis_matrix: ("q", "qd"),
     inverse_dynamics: ("q", "qd", "qdd", "gravity"),
+    frame_motion: ("q", "qd", "qdd"),
     torque_regressor: ("q", "qd", "qdd", "gravity"),
     gravity_torque: ("q", "gravity"),
     gravity_delta: ("q", "gravity"),
