@@ -15,23 +15,22 @@ from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from catenary.archives import MAX_UNPACKED_BYTES
+from catenary.archives import MAX_UNPACKED_BYTES, UNREADABLE
 from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_kinds import OWN
 from catenary.calibration.predictors import OwnFunction
 from catenary.calibration.valid_range import standardisation
-from catenary.errors import CatenaryError, FileFormatError, InputError, imported
+from catenary.documents import reading
+from catenary.errors import FileFormatError, InputError, imported
 
 _BY_SKOPS, _BY_ITSELF = b"skops:", b"own:"
-# what skops, and what it calls, raise on bytes that are no estimator
-_UNREADABLE = (OSError, ValueError, LookupError, TypeError, AttributeError, RuntimeError, ImportError, BadZipFile)
 Function = Callable[[Floats], ArrayLike]
 Named = str | type | Function  # a class or function, or "module:name" of it
 
@@ -162,23 +161,16 @@ def _unpacked(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
             path = Path(folder) / "own"
             path.write_bytes(content.removeprefix(_BY_ITSELF))
             return main.load(path)
-    try:
-        return _by_skops(content.removeprefix(_BY_SKOPS), main, classes)
-    except CatenaryError:
-        raise
-    except _UNREADABLE as error:
-        raise FileFormatError(f"estimator of {name_of(main)}: cannot be read: {error}") from error
-
-
-def _by_skops(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
-    with ZipFile(BytesIO(content)) as archive:
+    what, content, skops = f"estimator of {name_of(main)}", content.removeprefix(_BY_SKOPS), _skops()
+    with reading(what, "skops writes it", (*UNREADABLE, ImportError)), ZipFile(BytesIO(content)) as archive:
         if sum(member.file_size for member in archive.infolist()) > max(MAX_UNPACKED_BYTES, len(content)):
-            raise FileFormatError(f"estimator of {name_of(main)}: would unpack to more than {MAX_UNPACKED_BYTES} bytes")
+            raise ValueError(f"would unpack to more than {MAX_UNPACKED_BYTES} bytes")
+        unknown = list(map(str, skops.get_untrusted_types(data=content)))
     packages = {each.__module__.partition(".")[0] for each in classes}
-    unknown = list(map(str, _skops().get_untrusted_types(data=content)))
     if others := [each for each in unknown if not _is_class_of(packages, each)]:
         raise InputError(f"model of {name_of(main)}: holds {', '.join(others)} too: name them beside it")
-    found = _skops().loads(content, trusted=unknown)
+    with reading(what, "skops writes it", (*UNREADABLE, ImportError)):
+        found = skops.loads(content, trusted=unknown)
     if type(found) is not main:
         raise FileFormatError(f"estimator: expected {name_of(main)}, got {name_of(found)}")
     return found

@@ -8,9 +8,8 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_dynamics import BaseMotion, base_rows, motion_rows
 from catenary.dynamics.kinematics import Configuration
-from catenary.dynamics.recursion import link_motion, place_tree, to_tree
-from catenary.kernels.compiled import compiled
-from catenary.robots.model import RobotModel, Tree
+from catenary.dynamics.recursion import link_motion, place_joints
+from catenary.robots.model import RobotModel
 
 
 class FrameMotion(NamedTuple):
@@ -39,33 +38,21 @@ def frame_motion(
     For q, qd and qdd, each (n,) or (N, n) [rad or m, and per s, s2]; qdd is zero and the base at rest when None.
     """
     motion, single = motion_rows(model, q, qd=qd, qdd=qdd)
-    count, (link, own) = len(motion[0]), model.frame(frame)
+    tree, count, (link, own) = model.tree, len(motion[0]), model.frame(frame)
     *turning, velocity = (np.broadcast_to(rows, (count, 3)) for rows in base_rows(base, count))
-    of_link = np.empty((count, 3, 3))
-    arm = model.tree, model.coupling, model.offset
-    _motion_rows(*arm, np.stack(motion, axis=1), np.stack(turning, axis=1), link, of_link)
+    # the recursion runs on arrays of all rows as on numbers
+    x, xd, xdd = (model.coupling @ rows.T for rows in motion)
+    x += model.offset[:, None]
+    n, rotation, position = len(x), np.empty((len(x), 3, 3, count)), np.empty((len(x), 3, count))
+    place_joints(tree, x, np.sin(x), np.cos(x), rotation, position)
+    moving = np.empty((3, n + 1, 3, count))
+    moving[:, n] = [rows.T for rows in turning]
+    for i in range(n):
+        link_motion(tree, rotation, position, i, xd, xdd, *moving)
     placed = Configuration(model, motion[0])
-    w, dw, a = np.einsum("nij,nkj->kni", placed.rotations[:, link], of_link)
+    w, dw, a = np.einsum("nij,kjn->kni", placed.rotations[:, link], moving[:, link])
     r = placed.rotations[:, link] @ own.position
     v = np.einsum("nij,nj->ni", placed.jacobian(frame)[:, :3], motion[1])
     v += velocity + np.cross(turning[0], placed.pose(frame).position)
     parts = v, w, a + np.cross(dw, r) + np.cross(w, np.cross(w, r)), dw
     return FrameMotion(*(part[0] if single else part for part in parts))
-
-
-@compiled
-def _motion_rows(
-    tree: Tree, coupling: Floats, offset: Floats, motion: Floats, base: Floats, link: int, out: Floats
-) -> None:
-    """Write omega, alpha and the origin's acceleration of a link in its axes, (N, 3, 3), by q, qd, qdd (N, 3, n)."""
-    n = len(tree.parent)
-    work, x = np.empty((3, n)), np.empty((2, n))
-    rotation, position, moving = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((3, n + 1, 3))
-    for k in range(len(motion)):
-        moving[:, n] = base[k]
-        place_tree(tree, coupling, offset, motion[k, 0], work, rotation, position)
-        to_tree(coupling, motion[k, 1], x[0])
-        to_tree(coupling, motion[k, 2], x[1])
-        for i in range(n):
-            link_motion(tree, rotation, position, i, x[0], x[1], moving[0], moving[1], moving[2])
-        out[k] = moving[:, link]
