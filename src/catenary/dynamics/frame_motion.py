@@ -38,19 +38,18 @@ def frame_motion(
     For q, qd and qdd, each (n,) or (N, n) [rad or m, and per s, s2]; qdd is zero and the base at rest when None.
     """
     motion, single = motion_rows(model, q, qd=qd, qdd=qdd)
-    tree, count, (link, own) = model.tree, len(motion[0]), model.frame(frame)
+    tree, n, count, (link, own) = model.tree, len(model.offset), len(motion[0]), model.frame(frame)
     *turning, velocity = (np.broadcast_to(rows, (count, 3)) for rows in base_rows(base, count))
-    # the recursion runs on arrays of all rows as on numbers
-    x, xd, xdd = (model.coupling @ rows.T for rows in motion)
-    x += model.offset[:, None]
-    n, rotation, position = len(x), np.empty((len(x), 3, 3, count)), np.empty((len(x), 3, count))
+    rows = () if count == 1 else (count,)  # the recursion runs on numbers, or on arrays of all rows
+    x, xd, xdd = ((model.coupling @ each.T).reshape(n, *rows) for each in motion)
+    x = (x.T + model.offset).T
+    rotation, position, moving = np.empty((n, 3, 3, *rows)), np.empty((n, 3, *rows)), np.empty((3, n + 1, 3, *rows))
+    moving[:, n] = np.reshape([each.T for each in turning], (3, 3, *rows))
     place_joints(tree, x, np.sin(x), np.cos(x), rotation, position)
-    moving = np.empty((3, n + 1, 3, count))
-    moving[:, n] = [rows.T for rows in turning]
     for i in range(n):
         link_motion(tree, rotation, position, i, xd, xdd, *moving)
     placed = Configuration(model, motion[0])
-    w, dw, a = np.einsum("nij,kjn->kni", placed.rotations[:, link], moving[:, link])
+    w, dw, a = np.einsum("nij,kjn->kni", placed.rotations[:, link], moving[:, link].reshape(3, 3, count))
     r = placed.rotations[:, link] @ own.position
     v = np.einsum("nij,nj->ni", placed.jacobian(frame)[:, :3], motion[1])
     v += velocity + np.cross(turning[0], placed.pose(frame).position)
