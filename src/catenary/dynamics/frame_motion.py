@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.dynamics.inverse_dynamics import BaseMotion, base_rows, motion_rows
+from catenary.dynamics.inverse_dynamics import BaseMotion, base_rows, motion_rows, place_rows
 from catenary.dynamics.kinematics import Configuration
-from catenary.dynamics.recursion import link_motion, place_joints
+from catenary.dynamics.recursion import link_motion
 from catenary.robots.model import RobotModel
 
 
@@ -38,16 +38,13 @@ def frame_motion(
     For q, qd and qdd, each (n,) or (N, n) [rad or m, and per s, s2]; qdd is zero and the base at rest when None.
     """
     motion, single = motion_rows(model, q, qd=qd, qdd=qdd)
-    tree, n, count, (link, own) = model.tree, len(model.offset), len(motion[0]), model.frame(frame)
+    count, n, (link, own) = len(motion[0]), len(model.offset), model.frame(frame)
     *turning, velocity = (np.broadcast_to(rows, (count, 3)) for rows in base_rows(base, count))
-    rows = () if count == 1 else (count,)  # the recursion runs on numbers, or on arrays of all rows
-    x, xd, xdd = ((model.coupling @ each.T).reshape(n, *rows) for each in motion)
-    x = (x.T + model.offset).T
-    rotation, position, moving = np.empty((n, 3, 3, *rows)), np.empty((n, 3, *rows)), np.empty((3, n + 1, 3, *rows))
-    moving[:, n] = np.reshape([each.T for each in turning], (3, 3, *rows))
-    place_joints(tree, x, np.sin(x), np.cos(x), rotation, position)
+    rotation, position, xd, xdd = place_rows(model, *(rows[0] if count == 1 else rows for rows in motion))
+    moving = np.empty((3, n + 1, *position.shape[1:]))
+    moving[:, n] = np.reshape([rows.T for rows in turning], (3, *position.shape[1:]))
     for i in range(n):
-        link_motion(tree, rotation, position, i, xd, xdd, *moving)
+        link_motion(model.tree, rotation, position, i, xd, xdd, *moving)
     placed = Configuration(model, motion[0])
     w, dw, a = np.einsum("nij,kjn->kni", placed.rotations[:, link], moving[:, link].reshape(3, 3, count))
     r = placed.rotations[:, link] @ own.position
