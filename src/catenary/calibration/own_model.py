@@ -13,6 +13,7 @@ from dataclasses import replace
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
+from pkgutil import resolve_name
 from tempfile import TemporaryDirectory
 from typing import Any
 from zipfile import ZipFile
@@ -47,9 +48,8 @@ def named(name: Named) -> Any:
     """Return what "module:name" names; classes and functions as they are."""
     if not isinstance(name, str):
         return name
-    module, _, attribute = name.partition(":")
     try:
-        return getattr(import_module(module), attribute)
+        return resolve_name(name)
     except (ImportError, AttributeError, ValueError) as error:
         raise InputError(
             f'model "{name}": expected module:name of a class or function that Python can import: {error}; '
@@ -68,6 +68,8 @@ def fit_own(X: Floats, Y: Floats, *, estimator: Any, seed: int) -> OwnFunction:
 
     Random states that are None become the seed.
     """
+    from sklearn.utils import get_tags
+
     (_, inputs), outputs = X.shape, Y.shape[1]
     if not hasattr(estimator, "fit") and callable(estimator):
         plain = np.zeros(inputs), np.ones(inputs), np.zeros(outputs), np.ones(outputs)
@@ -75,16 +77,11 @@ def fit_own(X: Floats, Y: Floats, *, estimator: Any, seed: int) -> OwnFunction:
     (mean, scale), (out_mean, out_scale) = standardisation(X), standardisation(Y)
     Z, wanted = (X - mean) / scale, (Y - out_mean) / out_scale
     out_scale = np.where(np.ptp(wanted, axis=0) > 1e-9, out_scale, 0.0)  # a constant gets no ripple
-    targets = [wanted] if outputs > 1 and _takes_several_outputs(estimator) else wanted.T
+    is_tagged = outputs > 1 and hasattr(estimator, "__sklearn_tags__")
+    targets = [wanted] if is_tagged and get_tags(estimator).target_tags.multi_output else wanted.T
     with threadpool_limits(limits=1):
         fitted = tuple(_fitted(estimator, seed, Z, np.ascontiguousarray(each)) for each in targets)
     return OwnFunction(name_of(estimator), mean, scale, out_mean, out_scale, fitted)
-
-
-def _takes_several_outputs(estimator: Any) -> bool:
-    from sklearn.utils import get_tags
-
-    return hasattr(estimator, "__sklearn_tags__") and bool(get_tags(estimator).target_tags.multi_output)
 
 
 def _fitted(estimator: Any, seed: int, Z: Floats, y: Floats) -> Any:

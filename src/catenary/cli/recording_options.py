@@ -19,7 +19,7 @@ OWN_CLASS = option("MODULE:NAME", "Class or function of a model of your own; oth
 _READS = ("data", "train", "log", "file", "sources", "mcap")  # parameters that name a recording
 
 
-def calibration_of(model: Path | None, own: str | None) -> "CalibrationModel | None":
+def calibration_of(model: Path | None, own: str | None = None) -> "CalibrationModel | None":
     """Read a calibration model where one is named; `own` as OWN_CLASS."""
     from catenary.calibration.model_file import load_model
 
