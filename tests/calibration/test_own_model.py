@@ -209,6 +209,8 @@ def test_the_command_line_takes_module_and_name(tmp_path, monkeypatch):
         (2, "only where its class is named", "evaluate own.npz day.parquet"),
         (0, "", f"evaluate own.npz day.parquet {' '.join(own)}"),
         (0, "", f"refresh own.npz day.parquet {' '.join(own)} --out new.npz"),
+        (2, "only where its class is named", "plot own.npz day.parquet --out own.pdf"),
+        (0, "", f"plot own.npz day.parquet --out own.pdf {' '.join(own)}"),
         (0, "", "check own.npz"),
         (2, "PYTHONPATH", "fit log.parquet --model no_such:Thing --out new.npz"),
         (2, "needs one", "fit log.parquet --model own --out new.npz"),

@@ -259,9 +259,8 @@ def forward_dynamics(
     moving: Floats = torques
     if loads is not None:
         M = M + loads.rotors
-        for _ in range(
-            _LOAD_ROUNDS if loads.depends_on_load else 1
-        ):  # of links and rotors, which friction may grow with
+        for _ in range(_LOAD_ROUNDS if loads.depends_on_load else 1):
+            # of links and rotors, which friction may grow with
             before, moving = moving, np.asarray(torques - loads.torque(rows, rates, still, moving))
             if np.abs(moving - before).max(initial=0.0) <= _SETTLED_SHARE * max(1.0, np.abs(torques).max(initial=0.0)):
                 break
