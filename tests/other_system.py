@@ -166,7 +166,6 @@ COMMANDS = {
     "demo": "demo --seed 1 --out demo",
     "demo again": "demo --seed 1 --out demo",
     "recover": "recover run.bag",
-    "robot in JSON": "fk arm.json --q 0.1,0.2",
     "view": "view two_link --seconds 0.2 --no-open --port 18095",
 }
 # what is refused, in one sentence
@@ -204,7 +203,10 @@ def run(folder: Path) -> dict[str, Any]:
 
     class Terminal(io.TextIOWrapper):  # of Western Europe, as Windows has it
         def __init__(self) -> None:
-            super().__init__(io.BytesIO(), encoding="cp1252", newline="\r\n")
+            super().__init__(io.BytesIO(), encoding="cp1252", newline="\r\n", write_through=True)
+
+        def told(self) -> str:
+            return self.buffer.getvalue().decode("cp1252")  # type: ignore[attr-defined,no-any-return]
 
     def short(out: Path, settings: Any) -> Any:
         simulated = settings.connection == "simulation"
@@ -225,10 +227,7 @@ def run(folder: Path) -> dict[str, Any]:
             except BaseException:
                 code = 99
                 traceback.print_exc(file=err)
-            for stream in (out, err):
-                stream.flush()
-            told = [stream.buffer.getvalue().decode("cp1252") for stream in (out, err)]  # type: ignore[attr-defined]
-            outcomes[name] = [code, *told]
+            outcomes[name] = [code, out.told(), err.told()]
     return outcomes
 
 

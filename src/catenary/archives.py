@@ -22,7 +22,7 @@ MAX_ARRAYS = 1000  # of an archive; a model of many joints has some 50
 _TOLD = 8  # names of arrays that a message lists
 _PLAIN = "biufcSU"  # kinds of numbers and texts
 # what zipfile and NumPy raise on a file that is no archive, damaged, encrypted, or holds something else
-_UNREADABLE = (
+UNREADABLE = (
     *(OSError, ValueError, EOFError, LookupError, TypeError, ArithmeticError, RuntimeError, MemoryError),
     *(SyntaxError, AttributeError, StructError, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
 )
@@ -32,7 +32,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """Read every array of a `.npz`, of numbers and texts."""
     if not path.is_file():
         raise FileFormatError(no_file(path))
-    with reading(path, "an .npz archive of plain arrays", _UNREADABLE), zipfile.ZipFile(path) as archive:
+    with reading(path, "an .npz archive of plain arrays", UNREADABLE), zipfile.ZipFile(path) as archive:
         most, members = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size), archive.infolist()
         _check_members(members, most)
         arrays: dict[str, NDArray[Any]] = {}
@@ -62,7 +62,7 @@ def read_array(path: Path) -> NDArray[Any]:
     """Read a `.npy` file of numbers or texts."""
     if not path.is_file():
         raise FileFormatError(no_file(path))
-    with reading(path, "an .npy file of a plain array", _UNREADABLE), path.open("rb") as file:
+    with reading(path, "an .npy file of a plain array", UNREADABLE), path.open("rb") as file:
         array: NDArray[Any] = np.lib.format.read_array(file, allow_pickle=False)
         _memory_of(array, max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size))
     return array

@@ -39,18 +39,6 @@ def test_motion_held_for_some_ticks_is_calibrated_as_that_of_the_training(option
     assert_array_equal(inside[::7], flags)
 
 
-def test_nan_clears_the_flag_for_as_long_as_it_is_one() -> None:
-    corrector = Corrector(model(plays=1))
-    still = np.tile(np.median(SIGNALS, axis=0), (20, 1))
-    broken = still.copy()
-    broken[10, 0] = np.nan
-    _, sound = ticked(corrector, still[:, :3], still)
-    _, inside = ticked(corrector, still[:, :3], broken)
-    assert sound.all()
-    assert not inside[10].any()
-    assert np.delete(inside, 10, axis=0).all()
-
-
 def test_nan_before_the_first_number_does_not_stick_in_the_play_states() -> None:
     corrector = Corrector(model(plays=2))
     late = SIGNALS.copy()

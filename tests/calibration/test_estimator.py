@@ -1,9 +1,8 @@
-"""A calibration holds to scikit-learn's conventions, and its cross-validation splits recordings."""
+"""A calibration holds to scikit-learn's conventions."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from sklearn.model_selection import GroupKFold, cross_val_score
 from sklearn.utils.estimator_checks import check_estimator
 
 from catenary.calibration.calibration import fit
@@ -40,15 +39,6 @@ def test_it_is_the_calibration_of_the_same_rows():
     log = MotionLog("X", names, ("rad", "m"), X[:, :2], ok, y, signals={"load": X[:, 2]})
     assert_allclose(found.predict(X), fit(log, model="linear", inputs=["q", "load"], folds=0).predict(log), atol=1e-12)
     assert_allclose(found.predict(X), y, atol=1e-3)
-
-
-def test_recordings_are_left_out_in_turn():
-    rng = np.random.default_rng(1)
-    parts = [recorded(rng) for _ in range(4)]
-    X, y = (np.vstack(each) for each in zip(*parts, strict=True))
-    groups = np.repeat(np.arange(4), len(parts[0][0]))
-    model = CalibrationRegressor("linear", units=("rad", "m"))
-    assert np.all(cross_val_score(model, X, y, groups=groups, cv=GroupKFold(4)) > 0.999)
 
 
 def test_more_joints_than_positions_are_refused():

@@ -54,13 +54,6 @@ def test_a_urdf_that_lacks_one_inertia_ends_with_1_and_names_the_link(tmp_path: 
     assert "has no inertia: kinematics work, gravity and torques are refused" in whole.out
 
 
-@pytest.mark.parametrize("name", ["model.npz", "model", "model.bin"])
-def test_a_model_is_known_by_what_it_holds(model: Path, tmp_path: Path, name: str) -> None:
-    outcome = catenary("check", copy(model, tmp_path / name))
-    assert "calibration model" in outcome.out
-    assert "rows, sha256 " in outcome.out
-
-
 def test_facts_of_a_model_are_numbers_with_units(model: Path) -> None:
     facts = catenary("check", model, "--json").json["facts"]
     card = json.loads(card_path(model).read_text())

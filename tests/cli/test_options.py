@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from catenary.cli.main import app
 from catenary.cli.options import Numbers, argument, as_typed, group, numbers, option, require_one, words
-from catenary.cli.terminal import in_json, print_notes, print_result, progress_bar
+from catenary.cli.terminal import print_notes, print_result, printing, progress_bar
 from catenary.crtk import network
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.network import RosArguments, said_ros_arguments, say_ros_arguments
@@ -150,7 +150,7 @@ def test_ros_1_and_none_refuse_what_is_for_ros_2(said: RosArguments) -> None:
 
 
 def test_what_json_does_not_know_is_null(capsys: pytest.CaptureFixture[str]) -> None:
-    with in_json(True):
+    with printing("json"):
         print_result({"a": [math.nan, math.inf, -math.inf, 1.5, True, None, "µ"], "b": (1,)})
     shown = "".join(capsys.readouterr().out.split())
     assert shown == '{"a":[null,null,null,1.5,true,null,"\\u00b5"],"b":[1]}'

@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -7,7 +5,7 @@ from numpy.testing import assert_allclose
 from catenary.arrays import Floats
 from catenary.control.gravity_pd import EstimatedGravityPD, GravityHold, GravityPD
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
-from catenary.errors import InputError, MissingInertiaError
+from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.estimator import GravityEstimator
 from catenary.gravity.torque import gravity_torque
@@ -59,13 +57,6 @@ def test_hold_gives_gravity_and_does_not_look_at_the_reference() -> None:
 @pytest.mark.parametrize("controller", [GravityPD(ARM, KP, KD), GravityHold(ARM)])
 def test_unknown_gravity_gives_nan_and_not_zero(controller) -> None:
     assert np.isnan(controller.torque(state(np.full(3, np.nan)), REFERENCE)).all()
-
-
-def test_arm_without_inertia_is_refused_by_its_links() -> None:
-    bare = replace(ARM, missing_inertia=("elbow",))
-    for make in (lambda: GravityPD(bare, KP, KD), lambda: GravityHold(bare)):
-        with pytest.raises(MissingInertiaError, match="elbow"):
-            make()
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.dynamics.frame_motion import frame_motion
 from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics, mass_matrix
 from catenary.dynamics.kinematics import forward_kinematics, jacobian, link_poses
 from catenary.dynamics.robot_kernels import (
@@ -15,6 +16,7 @@ from catenary.dynamics.robot_kernels import (
     inverse_dynamics_kernel,
     mass_matrix_kernel,
 )
+from catenary.dynamics.torque_derivatives import torque_derivatives
 from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.gravity_regressor import gravity_regressor, standard_gravity_regressor
@@ -28,6 +30,7 @@ from catenary.gravity.torque import (
 from catenary.robots.catalog import load_robot
 
 RAVEN = load_robot("raven2")
+
 FUNCTIONS = {
     forward_kinematics: ("q",),
     link_poses: ("q",),
@@ -35,6 +38,8 @@ FUNCTIONS = {
     mass_matrix: ("q",),
     coriolis_matrix: ("q", "qd"),
     inverse_dynamics: ("q", "qd", "qdd", "gravity"),
+    frame_motion: ("q", "qd", "qdd"),
+    torque_derivatives: ("q", "qd", "qdd", "gravity"),
     torque_regressor: ("q", "qd", "qdd", "gravity"),
     gravity_torque: ("q", "gravity"),
     gravity_delta: ("q", "gravity"),
@@ -44,7 +49,7 @@ FUNCTIONS = {
     gravity_regressor: ("q", "gravity"),
     standard_gravity_regressor: ("q", "gravity"),
 }
-DYNAMICS = (mass_matrix, coriolis_matrix, inverse_dynamics)
+DYNAMICS = (mass_matrix, coriolis_matrix, inverse_dynamics, torque_derivatives)
 NEED_INERTIA = (*DYNAMICS, gravity_torque, gravity_delta, potential_energy, center_of_mass, center_of_mass_jacobian)
 KERNELS = (gravity_kernel, holding_kernel, inverse_dynamics_kernel, mass_matrix_kernel)
 GOOD = {"q": [0.5, 1.5, 0.4], "qd": [0.0] * 3, "qdd": [0.0] * 3, "gravity": [0.0, 0.0, -9.81]}

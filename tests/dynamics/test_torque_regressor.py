@@ -43,13 +43,6 @@ def test_regressor_is_pinocchios(random_robots, rng):
         assert_allclose(ours, expected, rtol=1e-10, atol=1e-10)
 
 
-def test_a_robot_without_inertia_has_a_regressor():
-    Y = torque_regressor(load_robot("dvrk_psm_motors"), np.ones(7), np.ones(7), np.ones(7), TILTED)
-    assert Y.shape == (7, 80)
-    assert np.abs(Y[:3]).max() > 1.0
-    assert_allclose(Y[3:], 0.0)  # the tool's motors move no link of the model
-
-
 def test_parameters_give_the_tree_back(random_robots):
     for robot in random_robots[:20]:
         bare = robot.model.tree._replace(

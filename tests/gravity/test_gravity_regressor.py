@@ -17,7 +17,6 @@ from catenary.gravity.gravity_regressor import (
 )
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot, robot_names
-from oracles.floating_base import held
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_vector
 from oracles.random_trees import RandomRobot, random_bodies_on, random_robot
 
@@ -29,17 +28,6 @@ def robots(random_robots: list[RandomRobot]) -> list[RandomRobot]:
     """Thirty random trees, and every robot of the catalogue with random bodies."""
     rng = np.random.default_rng(0)
     return random_robots[:30] + [random_bodies_on(load_robot(name), rng) for name in robot_names()]
-
-
-def test_regressor_times_parameters_is_what_mujoco_holds(robots, rng):
-    for robot in robots:
-        m = robot.model
-        q, gravity = rng.normal(size=m.n), 5.0 * rng.normal(size=3)
-        expected = held(robot, q, gravity)
-        full = gravity_regressor(m, q, gravity) @ gravity_parameters(m).values
-        standard = standard_gravity_regressor(m, q, gravity) @ standard_gravity_parameters(m).values
-        assert_allclose(full, expected, atol=1e-10, err_msg=m.name)
-        assert_allclose(standard, expected, atol=1e-10, err_msg=m.name)
 
 
 def test_full_form_has_the_papers_size_and_a_column_per_prismatic_joint(robots: list[RandomRobot]) -> None:

@@ -121,6 +121,7 @@ def test_a_figure_of_hours_is_small_and_holds_its_fonts(tmp_path: Path) -> None:
     figure, panels = page.joint_panels([("J1", "deg"), ("J2", "deg")], 2.0)
     for axes in panels[:, 0]:
         axes.plot(x, np.random.default_rng(0).normal(size=x.shape), label="raw")
+        axes.plot(x[:1800].reshape(-1, 2), np.sin(x[:1800]).reshape(-1, 2), ".")
         axes.fill_between(x, np.sin(x) - 1.0, np.sin(x) + 1.0)
     for ending in (".pdf", ".svg"):
         page.write_picture(figure, tmp_path / f"f{ending}", (".pdf", ".svg"))

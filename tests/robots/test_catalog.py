@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -261,18 +263,22 @@ def standard_poses(a, d, q):
     return poses
 
 
-@pytest.mark.parametrize("name", UR)
-def test_a_universal_robot_stands_where_its_makers_standard_table_puts_it(name, rng):
-    model, (a, d, _, _) = load_robot(name), UR[name]
-    base = frame_pose(model, "base", np.zeros(6))
+@pytest.fixture(params=[*UR, Path(__file__).parents[2] / "examples" / "ur5e.urdf"], ids=str)
+def universal(request):
+    """A robot, the pose of its maker's base, and the maker's table."""
+    model = load_robot(request.param)
+    base = frame_pose(model, "base", np.zeros(6)) if "base" in model.frames else np.eye(4)
+    return model, base, UR[Path(request.param).stem]
+
+
+def test_a_universal_robot_stands_where_its_makers_standard_table_puts_it(universal, rng):
+    model, base, (a, d, _, _) = universal
     for q in rng.uniform(-np.pi, np.pi, size=(20, 6)):
-        assert_allclose(frame_pose(model, "tool0", q), base @ standard_poses(a, d, q)[-1], atol=1e-12)
+        assert_allclose(frame_pose(model, None, q), base @ standard_poses(a, d, q)[-1], atol=1e-12)
 
 
-@pytest.mark.parametrize("name", UR)
-def test_a_universal_robots_gravity_is_the_gradient_of_energy_by_its_makers_table(name, rng):
-    model, (a, d, masses, coms) = load_robot(name), UR[name]
-    base = frame_pose(model, "base", np.zeros(6))
+def test_a_universal_robots_gravity_is_the_gradient_of_energy_by_its_makers_table(universal, rng):
+    model, base, (a, d, masses, coms) = universal
 
     def energy(q, gravity):
         places = [(base @ pose @ [*com, 1])[:3] for pose, com in zip(standard_poses(a, d, q), coms, strict=True)]

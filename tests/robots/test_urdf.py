@@ -113,12 +113,6 @@ def test_joints_of_a_file_in_any_order_stand_as_mujoco_orders_them(seed):
     assert ours.link_names == tuple(name.replace("joint", "link") for name in ours.joint_names)
 
 
-def test_joints_of_a_chain_in_any_order_stand_as_pinocchio_orders_them(rng):
-    rows = [joint(f"j{k}", f"l{k}", f"l{k + 1}") for k in rng.permutation(8)]  # it sorts siblings by the alphabet
-    text = urdf(*rows, links=[f"l{k}" for k in rng.permutation(9)])
-    assert parse_urdf(text).joint_names == tuple(pin.buildModelFromXML(text).names)[1:]
-
-
 def test_limits_are_read_and_a_continuous_joint_has_no_position_limit():
     model = parse_urdf(
         urdf(

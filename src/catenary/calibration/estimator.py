@@ -50,10 +50,9 @@ class CalibrationRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):  # 
             raise InputError(
                 f"X: expected a reported position for each of {truth.shape[1]} joints, got {rows.shape[1]} columns"
             )
-        log = self._log(rows, truth.shape[1], truth)
-        names = ("model", "play", "ridge", "max_error", "folds", "seed", "accept")
-        chosen: dict[str, Any] = {name: getattr(self, name) for name in names}
-        self.calibration_ = fit(log, inputs=["q", *log.signals], **chosen)
+        log, parameters = self._log(rows, truth.shape[1], truth), self.get_params(deep=False)
+        del parameters["units"]  # the log has them
+        self.calibration_ = fit(log, inputs=["q", *log.signals], **parameters)
         return self
 
     def predict(self, X: ArrayLike) -> Floats:

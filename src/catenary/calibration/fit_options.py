@@ -43,9 +43,8 @@ class FitOptions:
     coupled: tuple[str, ...] | None = None  # joints that friction couples; found when None (friction_fit.py)
     friction: FoundFriction | None = None  # what was found
     cables: FoundCables | None = None  # what was found
-    estimator: Any = (
-        None  # of model "own": has scikit-learn's fit, predict and get_params, or is a function of features
-    )
+    # of model "own": has scikit-learn's fit, predict and get_params, or is a function of features
+    estimator: Any = None
 
     def __post_init__(self) -> None:
         taking_ridge = [name for name, kind in MODEL_KINDS.items() if "ridge" in kind.takes]

@@ -67,9 +67,8 @@ def fit_logs(
         progress: Called with the share done, 0 to 1.
     """
     run = run if run is not None else FitRun()
-    return fit_recordings(
-        Recordings.of(logs, robot=run.robot, max_error=run.max_error), options, run, progress=progress
-    )
+    recordings = Recordings.of(logs, robot=run.robot, max_error=run.max_error)
+    return fit_recordings(recordings, options, run, progress=progress)
 
 
 def fit_recordings(

@@ -203,20 +203,8 @@ class CalibrationModel(OnScreen):
             farthest = np.full(len(joints), ANY_SIZE)
             if leverage is not None and leverage.farthest is not None and not fades:
                 farthest = leverage.farthest
-            chosen_from = (
-                prediction,
-                known,
-                beyond,
-                farthest,
-                q,
-                joints,
-                far,
-                fade,
-                adjustment,
-                self.offset,
-                *believed,
-            )
-            steps.append(Step(choose, chosen_from, (correction, inside)))
+            asked = prediction, known, beyond, farthest, q, joints, far, fade, adjustment, self.offset
+            steps.append(Step(choose, (*asked, *believed), (correction, inside)))
             if interval is not None and self.intervals is not None:
                 seen, factor = group.valid_range.seen, np.zeros(len(joints)) if leverage is None else leverage.factor
                 reach = fade if fades else np.array([seen, 0.5 * (seen + 1.0)])

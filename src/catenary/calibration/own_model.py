@@ -13,25 +13,25 @@ from dataclasses import replace
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
+from pkgutil import resolve_name
 from tempfile import TemporaryDirectory
 from typing import Any
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
-from catenary.archives import MAX_UNPACKED_BYTES
+from catenary.archives import MAX_UNPACKED_BYTES, UNREADABLE
 from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_kinds import OWN
 from catenary.calibration.predictors import OwnFunction
 from catenary.calibration.valid_range import standardisation
-from catenary.errors import CatenaryError, FileFormatError, InputError, imported
+from catenary.documents import reading
+from catenary.errors import FileFormatError, InputError, imported
 
 _BY_SKOPS, _BY_ITSELF = b"skops:", b"own:"
-# what skops, and what it calls, raise on bytes that are no estimator
-_UNREADABLE = (OSError, ValueError, LookupError, TypeError, AttributeError, RuntimeError, ImportError, BadZipFile)
 Function = Callable[[Floats], ArrayLike]
 Named = str | type | Function  # a class or function, or "module:name" of it
 
@@ -48,9 +48,8 @@ def named(name: Named) -> Any:
     """Return what "module:name" names; classes and functions as they are."""
     if not isinstance(name, str):
         return name
-    module, _, attribute = name.partition(":")
     try:
-        return getattr(import_module(module), attribute)
+        return resolve_name(name)
     except (ImportError, AttributeError, ValueError) as error:
         raise InputError(
             f'model "{name}": expected module:name of a class or function that Python can import: {error}; '
@@ -69,6 +68,8 @@ def fit_own(X: Floats, Y: Floats, *, estimator: Any, seed: int) -> OwnFunction:
 
     Random states that are None become the seed.
     """
+    from sklearn.utils import get_tags
+
     (_, inputs), outputs = X.shape, Y.shape[1]
     if not hasattr(estimator, "fit") and callable(estimator):
         plain = np.zeros(inputs), np.ones(inputs), np.zeros(outputs), np.ones(outputs)
@@ -76,16 +77,11 @@ def fit_own(X: Floats, Y: Floats, *, estimator: Any, seed: int) -> OwnFunction:
     (mean, scale), (out_mean, out_scale) = standardisation(X), standardisation(Y)
     Z, wanted = (X - mean) / scale, (Y - out_mean) / out_scale
     out_scale = np.where(np.ptp(wanted, axis=0) > 1e-9, out_scale, 0.0)  # a constant gets no ripple
-    targets = [wanted] if outputs > 1 and _takes_several_outputs(estimator) else wanted.T
+    is_tagged = outputs > 1 and hasattr(estimator, "__sklearn_tags__")
+    targets = [wanted] if is_tagged and get_tags(estimator).target_tags.multi_output else wanted.T
     with threadpool_limits(limits=1):
         fitted = tuple(_fitted(estimator, seed, Z, np.ascontiguousarray(each)) for each in targets)
     return OwnFunction(name_of(estimator), mean, scale, out_mean, out_scale, fitted)
-
-
-def _takes_several_outputs(estimator: Any) -> bool:
-    from sklearn.utils import get_tags
-
-    return hasattr(estimator, "__sklearn_tags__") and bool(get_tags(estimator).target_tags.multi_output)
 
 
 def _fitted(estimator: Any, seed: int, Z: Floats, y: Floats) -> Any:
@@ -170,23 +166,16 @@ def _unpacked(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
             path = Path(folder) / "own"
             path.write_bytes(content.removeprefix(_BY_ITSELF))
             return main.load(path)
-    try:
-        return _by_skops(content.removeprefix(_BY_SKOPS), main, classes)
-    except CatenaryError:
-        raise
-    except _UNREADABLE as error:
-        raise FileFormatError(f"estimator of {name_of(main)}: cannot be read: {error}") from error
-
-
-def _by_skops(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
-    with ZipFile(BytesIO(content)) as archive:
+    what, content, skops = f"estimator of {name_of(main)}", content.removeprefix(_BY_SKOPS), _skops()
+    with reading(what, "skops writes it", (*UNREADABLE, ImportError)), ZipFile(BytesIO(content)) as archive:
         if sum(member.file_size for member in archive.infolist()) > max(MAX_UNPACKED_BYTES, len(content)):
-            raise FileFormatError(f"estimator of {name_of(main)}: would unpack to more than {MAX_UNPACKED_BYTES} bytes")
+            raise ValueError(f"would unpack to more than {MAX_UNPACKED_BYTES} bytes")
+        unknown = list(map(str, skops.get_untrusted_types(data=content)))
     packages = {each.__module__.partition(".")[0] for each in classes}
-    unknown = list(map(str, _skops().get_untrusted_types(data=content)))
     if others := [each for each in unknown if not _is_class_of(packages, each)]:
         raise InputError(f"model of {name_of(main)}: holds {', '.join(others)} too: name them beside it")
-    found = _skops().loads(content, trusted=unknown)
+    with reading(what, "skops writes it", (*UNREADABLE, ImportError)):
+        found = skops.loads(content, trusted=unknown)
     if type(found) is not main:
         raise FileFormatError(f"estimator: expected {name_of(main)}, got {name_of(found)}")
     return found

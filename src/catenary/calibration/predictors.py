@@ -175,7 +175,7 @@ class OwnFunction(Predictor):
             module, _, name = self.name.partition(":")
             raise InputError(
                 f"model of {self.name}: it runs only where its class is named: from {module} import {name}; "
-                f"load_model(path, own={name}); evaluate, refresh, drift and deploy have --own {self.name}"
+                f"load_model(path, own={name}); commands that run it have --own {self.name}"
             )
         return [Step(self._write, (X,), (Y,), is_compiled=False)]
 

@@ -12,12 +12,12 @@ import typer
 
 from catenary.cli import projects
 from catenary.cli.exit_codes import FAULT_FOUND
-from catenary.cli.fit import OWN_CLASS, ROBOT_OF_DATA, ModelOptions
+from catenary.cli.fit import ROBOT_OF_DATA, ModelOptions
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import Names, argument, group, option, values_of
 from catenary.cli.out_files import out_path
 from catenary.cli.projects import ARM_NAMESPACE, open_project, require_project
-from catenary.cli.recording_options import ACCEPT, RecordingOptions
+from catenary.cli.recording_options import ACCEPT, OWN_CLASS, RecordingOptions
 from catenary.cli.robot_options import DIALECT, NODE_NAME, SIMULATED_SEED
 from catenary.cli.terminal import announce, print_notes, print_result, prints_json, progress_bar
 from catenary.errors import CatenaryError, InputError, InUseError

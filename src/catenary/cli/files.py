@@ -10,7 +10,7 @@ import typer
 from catenary.cli.exit_codes import FAULT_FOUND
 from catenary.cli.options import REQUIRED, Numbers, argument, option
 from catenary.cli.out_files import HEADER, LOG, NAMED_AS_TYPED, PICTURE, out_path
-from catenary.cli.recording_options import MAX_ERROR, MappingOptions, RecordingOptions
+from catenary.cli.recording_options import MAX_ERROR, MappingOptions, RecordingOptions, calibration_of
 from catenary.cli.robot_options import LoadedOptions, one_or_each
 from catenary.cli.terminal import print_notes, print_result, prints_json, progress_bar, without_notes
 from catenary.errors import InputError
@@ -92,7 +92,6 @@ def export(
 
     Example: catenary export --model arm.npz --c arm.h
     """
-    from catenary.calibration.model_file import load_model
     from catenary.dynamics.actuation_loads import joint_friction
     from catenary.sensing.wrist_tool import load_tool
     from catenary.workflows.c_header import c_header
@@ -102,7 +101,7 @@ def export(
     if robot is None and (loaded.payload or friction or viscous or tool):
         raise InputError("export: --payload, --friction, --viscous and --tool are for a robot")
     known = None if robot is None else loaded.load(robot)
-    calibration = None if model is None else load_model(model)[0]
+    calibration = calibration_of(model)
     loads = None
     if known is not None and (friction or viscous):
         loads = joint_friction(known, *(one_or_each(forces or (0.0,)) for forces in (friction, viscous)))

@@ -24,7 +24,14 @@ from catenary.cli.options import (
     words,
 )
 from catenary.cli.out_files import MODEL, NAMED_AS_TYPED, PARAMETERS
-from catenary.cli.recording_options import ACCEPT, MAX_ERROR, RECORDINGS, ModelRecordingOptions, RecordingOptions
+from catenary.cli.recording_options import (
+    ACCEPT,
+    MAX_ERROR,
+    OWN_CLASS,
+    RECORDINGS,
+    ModelRecordingOptions,
+    RecordingOptions,
+)
 from catenary.cli.terminal import print_page, print_result, progress_bar
 from catenary.errors import InputError
 from catenary.files import card_path
@@ -38,7 +45,6 @@ if TYPE_CHECKING:
     from catenary.workflows.calibration_model import HeldAgainst
 
 _MAX_SEED = 2**32 - 1  # that scikit-learn takes
-OWN_CLASS = option("MODULE:NAME", "Class or function of a model of your own; others that it is made of after a comma.")
 ROBOT_OF_DATA = option("ROBOT", "Catalogue name or file of the robot: joint names and units.")
 
 

@@ -25,7 +25,7 @@ from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_o
 import typer
 
 from catenary.cli.out_files import PAGE, FileKind, out_path, refuse_outputs
-from catenary.cli.terminal import in_json, in_latex, without_notes
+from catenary.cli.terminal import printing, without_notes
 from catenary.crtk.network import BY_ROS2, said_ros_arguments, say_ros_arguments
 from catenary.errors import InputError
 
@@ -162,7 +162,7 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
             say_ros_arguments(replace(said_ros_arguments(), **chosen))
         for name, kind in groups.items():
             values[name] = kind(**{field.name: values.pop(field.name) for field in fields(kind)})
-        with without_notes(no_notes), in_json(values["as_json"]), in_latex(values.get("as_latex", False)):
+        with without_notes(no_notes), printing(next((f for f in ("json", "latex") if values.get(f"as_{f}")), "text")):
             command(**{p.name: values[p.name] for p in own})
 
     parameters = [one.parameter() for one in (*asked, _NO_NOTES.declared("no_notes", bool))]

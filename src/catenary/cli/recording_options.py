@@ -8,13 +8,22 @@ import catenary
 from catenary.cli.options import argument, group, option, values_of
 
 if TYPE_CHECKING:
+    from catenary.calibration.model import CalibrationModel
     from catenary.recording.import_formats.mapping import RecordingMapping
     from catenary.recording.logs import Reading
 
 RECORDINGS = argument("DATA", "Recordings: .parquet logs, .npz with q_des, q_act (SI), RAVEN-II .csv; others by --map.")
 ACCEPT = option("NAME", "Continue despite the finding of this name; repeatable.")
 MAX_ERROR = option("E,E,...", "Leave out rows with larger errors, per joint in deg, mm.")
+OWN_CLASS = option("MODULE:NAME", "Class or function of a model of your own; others that it is made of after a comma.")
 _READS = ("data", "train", "log", "file", "sources", "mcap")  # parameters that name a recording
+
+
+def calibration_of(model: Path | None, own: str | None = None) -> "CalibrationModel | None":
+    """Read a calibration model where one is named; `own` as OWN_CLASS."""
+    from catenary.calibration.model_file import load_model
+
+    return None if model is None else load_model(model, own)[0]
 
 
 def _of_recordings(metavar: str, help: str, default: Any = None) -> Any:

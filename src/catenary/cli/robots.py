@@ -8,7 +8,7 @@ import catenary
 from catenary.cli.gravity_options import GivenGravity
 from catenary.cli.options import REQUIRED, Names, Numbers, Triple, argument, option
 from catenary.cli.out_files import NAMED_AS_TYPED, PICTURE
-from catenary.cli.recording_options import ModelRecordingOptions
+from catenary.cli.recording_options import OWN_CLASS, ModelRecordingOptions
 from catenary.cli.robot_options import ROBOT, DescriptionOptions, JointOptions, LoadedOptions, beyond_limits
 from catenary.cli.terminal import print_notes, print_result, without_notes
 from catenary.errors import InputError
@@ -166,6 +166,7 @@ def plot(
     joints: JointOptions,
     robot: str = replace(ROBOT, metavar="ROBOT|MODEL", help=f"{ROBOT.help} With LOG: a calibration model."),
     log: Path | None = argument("LOG", "A recording: draw the model's errors on it, one column wide.", None),
+    own: str | None = replace(OWN_CLASS, goes_with="log"),
     joint: str | None = option("NAME", "With LOG: the joint to draw. [default: the first]", goes_with="log"),
     hide: Names | None = option("PART,...", "What not to draw, of frames, masses, gravity and torques."),
     out: Path = option("FILE", f"Picture to write, .png, .svg or .pdf. {NAMED_AS_TYPED}", REQUIRED, writes=PICTURE),
@@ -186,7 +187,7 @@ def plot(
     if log is not None:
         if (given, loaded, joints, hide) != (GivenGravity(), LoadedOptions(), JointOptions(), None):
             raise InputError("plot MODEL LOG: options of a robot's picture do not go with LOG")
-        _plot_errors(Path(robot), log, joint, recordings, out)
+        _plot_errors(Path(robot), log, joint, recordings, own, out)
         return
     model = loaded.load(robot)
     gravity = given.gravity_of(model)
@@ -204,12 +205,14 @@ def plot(
     print_result(content, f"picture: {out}")
 
 
-def _plot_errors(path: Path, log: Path, joint: str | None, recordings: ModelRecordingOptions, out: Path) -> None:
+def _plot_errors(
+    path: Path, log: Path, joint: str | None, recordings: ModelRecordingOptions, own: str | None, out: Path
+) -> None:
     from catenary.reports.calibration import short_name
     from catenary.reports.joint_errors import model_figure
     from catenary.workflows.calibration_model import held_against
 
-    held = held_against(path, [log], recordings.reading())
+    held = held_against(path, [log], recordings.reading(), own=own)
     result = held.evaluate()
     print_notes(result.notes)
     figure = model_figure(result.evaluation, held.logs[0], joint, name=short_name(result.model))

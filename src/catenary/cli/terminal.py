@@ -16,8 +16,7 @@ from catenary.tables import Table
 from catenary.visible import visible
 
 _SILENT: ContextVar[bool] = ContextVar("silent", default=False)
-_IN_JSON: ContextVar[bool] = ContextVar("in_json", default=False)
-_IN_LATEX: ContextVar[bool] = ContextVar("in_latex", default=False)
+_FORM: ContextVar[str] = ContextVar("form", default="text")
 
 
 class NotesOfLogs(logging.Handler):
@@ -44,23 +43,18 @@ def without_notes(silent: bool) -> AbstractContextManager[None]:
     return _set_for_a_while(_SILENT, silent)
 
 
-def in_json(asked: bool) -> AbstractContextManager[None]:
-    """Print results as JSON while a command runs."""
-    return _set_for_a_while(_IN_JSON, asked)
-
-
-def in_latex(asked: bool) -> AbstractContextManager[None]:
-    """Print tables of results for LaTeX, and nothing else of them, while a command runs."""
-    return _set_for_a_while(_IN_LATEX, asked)
+def printing(form: str) -> AbstractContextManager[None]:
+    """Print results as "text", as "json", or their tables and nothing else as "latex", while a command runs."""
+    return _set_for_a_while(_FORM, form)
 
 
 def prints_json() -> bool:
     """Return True if the running command was asked for JSON."""
-    return _IN_JSON.get()
+    return _FORM.get() == "json"
 
 
 @contextmanager
-def _set_for_a_while(variable: ContextVar[bool], value: bool) -> Iterator[None]:
+def _set_for_a_while(variable: ContextVar[Any], value: object) -> Iterator[None]:
     before = variable.set(value)
     try:
         yield
@@ -82,7 +76,7 @@ def print_result(content: Any, *parts: Any, notes: Sequence[str] = ()) -> None:
         print(json_text(content))
         return
     print_notes(notes)
-    if _IN_LATEX.get():
+    if _FORM.get() == "latex":
         print("\n\n".join(part.latex() for part in parts if isinstance(part, Table)))
         return
     width = max((len(name) for part in parts if isinstance(part, list) for name, _ in part), default=0)
@@ -96,7 +90,7 @@ def print_result(content: Any, *parts: Any, notes: Sequence[str] = ()) -> None:
 
 def print_page(page: Path) -> None:
     """Print the path of a written page; nothing with --json and --latex."""
-    if not prints_json() and not _IN_LATEX.get():
+    if _FORM.get() == "text":
         print(f"page:  {page}")
 
 

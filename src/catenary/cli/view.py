@@ -6,13 +6,14 @@ import time
 import webbrowser
 from collections.abc import Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import catenary
 from catenary.cli.gravity_options import GRAVITY_TOPIC
 from catenary.cli.options import argument, json_help, option
-from catenary.cli.recording_options import ModelRecordingOptions
+from catenary.cli.recording_options import OWN_CLASS, ModelRecordingOptions, calibration_of
 from catenary.cli.robot_options import RobotPlace, WatchedRobot, chosen_robot
 from catenary.cli.terminal import announce, print_json_line, print_notes, prints_json
 from catenary.errors import InputError
@@ -20,6 +21,7 @@ from catenary.operating_system import HAS_SINGLE_KEYS, has_windows
 from catenary.teleop.terminal import RawTerminal
 
 if TYPE_CHECKING:
+    from catenary.calibration.model import CalibrationModel
     from catenary.monitor import Snapshot
 
 
@@ -34,6 +36,7 @@ def view(
         None,
     ),
     model: Path | None = option("MODEL", "Calibration model: also show the calibrated arm."),
+    own: str | None = replace(OWN_CLASS, goes_with="model"),
     log: Path | None = option("LOG", "Show a recording; other formats with --map.", not_with=("ros", "robot_seed")),
     gravity: str | None = GRAVITY_TOPIC,
     port: int = option(None, "Port on 127.0.0.1, or the next free one; from another machine use ssh -L.", 8080),
@@ -61,10 +64,10 @@ def view(
         try:
             if recorded:
                 announce(f"{page.url}: reading the recording ...")
-                title, runs = _recording(what, log, model, recordings)
+                title, runs = _recording(what, log, model, own, recordings)
             elif place.ros is not None:
                 robot = WatchedRobot(**{**vars(place), "robot": what or "raven2"})
-                title, runs = _on_ros(stack, robot, model, gravity)
+                title, runs = _on_ros(stack, robot, calibration_of(model, own), gravity)
             else:
                 announce(f"{page.url}: preparing the robot ...")
                 import numpy as np
@@ -72,7 +75,7 @@ def view(
                 from catenary.view.simulated import DrivenArm
 
                 title, rng = what or "raven2", np.random.default_rng(0)
-                runs = DrivenArm(title, model=model, seed=place.robot_seed, rng=rng)
+                runs = DrivenArm(title, model=calibration_of(model, own), seed=place.robot_seed, rng=rng)
             url = page.open(runs.shown(f"catenary: {Path(title).name}"))
             if prints_json():
                 print_json_line({"shown": title, "url": url})
@@ -89,7 +92,7 @@ def view(
 _Titled = tuple[str, Any]  # of the page; what has `shown` and `run`
 
 
-def _on_ros(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: str | None) -> _Titled:
+def _on_ros(stack: ExitStack, robot: WatchedRobot, model: "CalibrationModel | None", gravity: str | None) -> _Titled:
     """Return a robot on ROS, which is only read."""
     from catenary.view.replay import WatchedArm
     from catenary.view.shapes import shapes_of
@@ -98,9 +101,10 @@ def _on_ros(stack: ExitStack, robot: WatchedRobot, model: Path | None, gravity: 
     return robot.robot, WatchedArm(opened, shapes_of(robot.robot, opened.model)[0], model)
 
 
-def _recording(what: str | None, log: Path | None, model: Path | None, recordings: ModelRecordingOptions) -> _Titled:
+def _recording(
+    what: str | None, log: Path | None, model: Path | None, own: str | None, recordings: ModelRecordingOptions
+) -> _Titled:
     """Return a recording of a robot, or a project's, for a model and corrected as its training data if there is one."""
-    from catenary.calibration.model_file import load_model
     from catenary.view.replay import Replay, recorded_arm, shown_project
     from catenary.view.shapes import shapes_of
     from catenary.workflows.calibration_model import recording_for
@@ -109,7 +113,7 @@ def _recording(what: str | None, log: Path | None, model: Path | None, recording
     if what is not None and _is_project(what):
         recorded, recommended, robot = shown_project(Path(what))
         path, model = log or recorded, model or recommended
-    loaded = None if model is None else load_model(model)[0]
+    loaded = calibration_of(model, own)
     recording = recording_for(loaded, path, recordings.reading())
     print_notes([note for note in recording.notes if note.startswith("corrected")])
     named = robot or recording.robot or "raven2"
@@ -130,6 +134,7 @@ def _is_project(what: str) -> bool:
 def monitor(
     robot: WatchedRobot,
     model: Path | None = option("MODEL", "Calibration model: calibrated joints, valid range."),
+    own: str | None = replace(OWN_CLASS, goes_with="model"),
     rate: float | None = option("HZ", "Samples a second. [default: 25 on a screen, 1 in a pipe]"),
     seconds: float | None = option(None, "How long to watch. [default: until Q or Ctrl-C]"),
     gravity: str | None = GRAVITY_TOPIC,
@@ -152,7 +157,7 @@ def monitor(
     with ExitStack() as stack:
         announce("preparing the robot ...")
         opened = stack.enter_context(chosen_robot(robot, "monitor", moves=False, gravity=gravity))
-        name, samples = opened.name, watch_robot(opened, model=model, every=1.0 / hertz)
+        name, samples = opened.name, watch_robot(opened, model=calibration_of(model, own), every=1.0 / hertz)
         try:
             if on_screen:
                 _on_screen(name, _until(samples, seconds), stack.enter_context(RawTerminal()))

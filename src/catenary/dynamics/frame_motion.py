@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.dynamics.inverse_dynamics import BaseMotion, base_rows, motion_rows
+from catenary.dynamics.inverse_dynamics import BaseMotion, base_rows, motion_rows, place_rows
 from catenary.dynamics.kinematics import Configuration
-from catenary.dynamics.recursion import link_motion, place_tree, to_tree
-from catenary.kernels.compiled import compiled
-from catenary.robots.model import RobotModel, Tree
+from catenary.dynamics.recursion import link_motion
+from catenary.robots.model import RobotModel
 
 
 class FrameMotion(NamedTuple):
@@ -51,33 +50,17 @@ def frame_motion(
         array([-0.296,  0.   ,  0.955])
     """
     motion, single = motion_rows(model, q, qd=qd, qdd=qdd)
-    count, (link, own) = len(motion[0]), model.frame(frame)
+    count, n, (link, own) = len(motion[0]), len(model.offset), model.frame(frame)
     *turning, velocity = (np.broadcast_to(rows, (count, 3)) for rows in base_rows(base, count))
-    of_link = np.empty((count, 3, 3))
-    arm = model.tree, model.coupling, model.offset
-    _motion_rows(*arm, np.stack(motion, axis=1), np.stack(turning, axis=1), link, of_link)
+    rotation, position, xd, xdd = place_rows(model, *(rows[0] if count == 1 else rows for rows in motion))
+    moving = np.empty((3, n + 1, *position.shape[1:]))
+    moving[:, n] = np.reshape([rows.T for rows in turning], (3, *position.shape[1:]))
+    for i in range(n):
+        link_motion(model.tree, rotation, position, i, xd, xdd, *moving)
     placed = Configuration(model, motion[0])
-    w, dw, a = np.einsum("nij,nkj->kni", placed.rotations[:, link], of_link)
+    w, dw, a = np.einsum("nij,kjn->kni", placed.rotations[:, link], moving[:, link].reshape(3, 3, count))
     r = placed.rotations[:, link] @ own.position
     v = np.einsum("nij,nj->ni", placed.jacobian(frame)[:, :3], motion[1])
     v += velocity + np.cross(turning[0], placed.pose(frame).position)
     parts = v, w, a + np.cross(dw, r) + np.cross(w, np.cross(w, r)), dw
     return FrameMotion(*(part[0] if single else part for part in parts))
-
-
-@compiled
-def _motion_rows(
-    tree: Tree, coupling: Floats, offset: Floats, motion: Floats, base: Floats, link: int, out: Floats
-) -> None:
-    """Write omega, alpha and the origin's acceleration of a link in its axes, (N, 3, 3), by q, qd, qdd (N, 3, n)."""
-    n = len(tree.parent)
-    work, x = np.empty((3, n)), np.empty((2, n))
-    rotation, position, moving = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((3, n + 1, 3))
-    for k in range(len(motion)):
-        moving[:, n] = base[k]
-        place_tree(tree, coupling, offset, motion[k, 0], work, rotation, position)
-        to_tree(coupling, motion[k, 1], x[0])
-        to_tree(coupling, motion[k, 2], x[1])
-        for i in range(n):
-            link_motion(tree, rotation, position, i, x[0], x[1], moving[0], moving[1], moving[2])
-        out[k] = moving[:, link]

@@ -10,8 +10,10 @@ from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.actuation_loads import ActuationLoads
 from catenary.dynamics.lines import inverse_dynamics_line, mass_matrix_line
 from catenary.dynamics.recursion import (
+    Numbers,
     composite_body_recursion,
     newton_euler_recursion,
+    place_joints,
     place_tree,
     to_robot,
     to_robot_matrix,
@@ -242,6 +244,18 @@ def motion_rows(model: RobotModel, q: ArrayLike, **rates: ArrayLike | None) -> t
     return [rows, *(rate.reshape(rows.shape) for rate in given)], single
 
 
+def place_rows(model: RobotModel, *motion: Numbers) -> tuple[Numbers, Numbers, Numbers, Numbers]:
+    """Return rotation, position, xd and xdd of q, qd and qdd, as the recursions take them.
+
+    Of (n,) they are numbers, of (N, n) arrays of all rows, the last axis: recursions run on these, and on complex ones.
+    """
+    x, xd, xdd = (model.coupling @ rows.T for rows in motion)
+    x = (x.T + model.offset).T
+    rotation, position = (np.empty((len(x), *shape, *x.shape[1:]), x.dtype) for shape in ((3, 3), (3,)))
+    place_joints(model.tree, x, np.sin(x), np.cos(x), rotation, position)
+    return rotation, position, xd, xdd
+
+
 @compiled
 def _inverse_dynamics_rows(
     tree: Tree,
@@ -340,9 +354,8 @@ def forward_dynamics(
     moving: Floats = torques
     if loads is not None:
         M = M + loads.rotors
-        for _ in range(
-            _LOAD_ROUNDS if loads.depends_on_load else 1
-        ):  # of links and rotors, which friction may grow with
+        for _ in range(_LOAD_ROUNDS if loads.depends_on_load else 1):
+            # of links and rotors, which friction may grow with
             before, moving = moving, np.asarray(torques - loads.torque(rows, rates, still, moving))
             if np.abs(moving - before).max(initial=0.0) <= _SETTLED_SHARE * max(1.0, np.abs(torques).max(initial=0.0)):
                 break

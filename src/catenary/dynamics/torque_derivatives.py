@@ -2,15 +2,15 @@
 
 from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.dynamics.inverse_dynamics import gravity_rows, mass_matrix, motion_rows
-from catenary.dynamics.lines import inverse_dynamics_line
-from catenary.dynamics.robot_kernels import known_kernel
-from catenary.kernels.derivatives import derivative_line
-from catenary.kernels.tracing import Line
+from catenary.dynamics.inverse_dynamics import gravity_rows, motion_rows, place_rows
+from catenary.dynamics.recursion import newton_euler_recursion
 from catenary.robots.model import RobotModel
+
+_STEP = 1e-30  # so small that its square, and what it adds to a real part, is rounded off
 
 
 class TorqueDerivatives(NamedTuple):
@@ -26,8 +26,9 @@ def torque_derivatives(
 ) -> TorqueDerivatives:
     """Return the derivatives of `inverse_dynamics` by q, qd and qdd, on a base at rest.
 
-    The robot's line of operations is differentiated as it stands, so they are exact to rounding. For MPC and
-    linearisation: A = [[0, 1], [-M^-1 by_q, -M^-1 by_qd]]. The first call for a robot compiles, for seconds.
+    The Newton-Euler recursion runs on complex numbers, whose imaginary parts obey the rules of differentiation: exact
+    to rounding, without differences (Squire, Trapp, "Using complex variables to estimate derivatives of real
+    functions", SIAM Review 40(1), 1998). For MPC and linearisation: A = [[0, 1], [-M^-1 by_q, -M^-1 by_qd]].
 
     Args:
         model: The robot; needs inertia.
@@ -43,12 +44,16 @@ def torque_derivatives(
         True
     """
     model.require_inertia()
-    n, (motion, single) = model.n, motion_rows(model, q, qd=qd, qdd=qdd)
-    kernel = known_kernel(model, "torque-derivatives", _by_q_and_qd, (n, 2 * n))
-    both = kernel.rows(*motion, gravity_rows(gravity, len(motion[0])))
-    parts = both[:, :, :n], both[:, :, n:], mass_matrix(model, motion[0])
+    motion, single = motion_rows(model, q, qd=qd, qdd=qdd)
+    count, n, links = len(motion[0]), model.n, len(model.offset)
+    steps = 1j * _STEP * np.eye(3 * n).reshape(3 * n, 3, n)  # of each coordinate of q, then of qd, then of qdd
+    moved = [(rows[:, None] + steps[:, k]).reshape(-1, n) for k, rows in enumerate(motion)]
+    rotation, position, xd, xdd = place_rows(model, *moved)
+    omega, alpha, acceleration, force, moment = np.zeros((5, links + 1, 3, len(moved[0])), complex)
+    down = np.broadcast_to(gravity_rows(gravity, count), (count, 3))
+    acceleration[links] = -np.repeat(down, 3 * n, axis=0).T
+    torque = np.empty((links, len(moved[0])), complex)
+    bodies = omega, alpha, acceleration, force, moment, torque
+    newton_euler_recursion(model.tree, rotation, position, xd, xdd, *bodies)
+    parts = (model.coupling.T @ torque).imag.reshape(n, count, 3, n).transpose(2, 1, 0, 3) / _STEP
     return TorqueDerivatives(*(part[0] if single else part for part in parts))
-
-
-def _by_q_and_qd(model: RobotModel) -> Line:
-    return derivative_line(inverse_dynamics_line(model, moving_base=False), ("q", "qd"))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 # of what is drawn: before, after, and what stands out; in print without colours light, dark and in between
 GREY, BLUE, ORANGE = "#b8c0cc", "#2c4a75", "#d9622b"
 _DOTS_PER_INCH = 150
+_POINTS_OF_A_MARKER = 4  # points of a line that take as many bytes in SVG
 _MAX_DRAWN_POINTS = 1000  # of a line or an area: of more a file for a paper holds a picture
 
 
@@ -106,7 +107,8 @@ def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
 
     for axes in figure.axes:
         for line in axes.lines:
-            line.set_rasterized(len(line.get_path()) > _MAX_DRAWN_POINTS)
+            each = 1 if line.get_marker() == "None" else _POINTS_OF_A_MARKER
+            line.set_rasterized(each * len(line.get_path()) > _MAX_DRAWN_POINTS)
         for area in axes.collections:
             area.set_rasterized(sum(map(len, area.get_paths())) > _MAX_DRAWN_POINTS)
     kind = path.suffix.lower().removeprefix(".") if path.suffix.lower() in endings else "png"

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from io import BytesIO
+from typing import Any, Literal
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
@@ -16,10 +19,6 @@ from catenary.reports.page import BLUE, ORANGE, Picture, picture
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.units import TORQUE_UNIT, in_words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Part = Literal["frames", "masses", "gravity", "torques"]
 PARTS: tuple[Part, ...] = ("frames", "masses", "gravity", "torques")
@@ -41,6 +40,15 @@ _MAX_MASS_POINTS = 16.0  # [points] across
 _MAX_OTHER_POSES = 12  # drawn at most
 _MANY_JOINTS = 8
 _SAME_PLACE_SHARE = 0.02  # of half the width: joints whose numbers stand at one place
+
+
+class ShownFigure(Figure):
+    """Matplotlib's, which a notebook shows in its first cell too: it draws itself, without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        content = BytesIO()
+        self.savefig(content, format="png", dpi=100)
+        return content.getvalue()
 
 
 def plot(
@@ -96,10 +104,6 @@ def middle_pose(model: RobotModel) -> Floats:
 
 def _places(model: RobotModel, on: Any, *, with_bars: bool) -> tuple[Any, list[Any]]:
     """Return axes for the arm, and one for the bars of each unit."""
-    from matplotlib.axes import Axes
-
-    from catenary.reports.shown_figure import ShownFigure
-
     if isinstance(on, Axes):
         if on.name != "3d":
             raise InputError('on: axes of two dimensions; expected plt.subplot(projection="3d"), or a figure')

@@ -194,7 +194,7 @@ class WatchedArm:
         self,
         robot: OperatedRobot,
         shapes: ArmShapes,
-        model: Path | None = None,
+        model: CalibrationModel | None = None,
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:

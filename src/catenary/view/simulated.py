@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -12,7 +11,6 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Flags, Floats, as_array
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.model_file import load_model
 from catenary.control.controllers import CONTROLLERS, make_hold
 from catenary.control.correction import Fade, StateCorrector
 from catenary.control.loop import Tick, run_loop
@@ -288,13 +286,12 @@ class DrivenArm:
         self,
         robot: str,
         *,
-        model: Path | None = None,
+        model: CalibrationModel | None = None,
         seed: int | None = None,
         rng: np.random.Generator,
         real_time: bool = True,
     ) -> None:
         """Set up an arm with inertia, homed on a level base; without `real_time` ticks are as short as they can be."""
-        loaded = None if model is None else load_model(model)[0]
         self.arm: SimulatedArm = simulated_arm(robot, base=SteeredBase(), seed=seed)
         self.surroundings = Surroundings(self.arm)
         # paced, and without a real loop's priority: a picture must not hold up whatever else the machine does
@@ -302,7 +299,7 @@ class DrivenArm:
         self._plant = self.arm.plant if self._paced is None else cast(Plant, self._paced)
         self._rng = rng
         self._n = self.arm.model.n
-        self._corrector = None if loaded is None else self._switched(loaded)
+        self._corrector = None if model is None else self._switched(model)
         self._kinds = {kind.words: kind for kind in CONTROLLERS.values() if kind.fits(self.arm)}
         self._controllers = {words: kind.make(self.arm) for words, kind in self._kinds.items()}
         self._controllers[_HOLD_CONTROL] = make_hold("dg", self.arm)

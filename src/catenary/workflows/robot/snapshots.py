@@ -3,7 +3,6 @@
 import math
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +10,6 @@ import numpy as np
 from catenary.arrays import Flags, Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.calibration.model_file import load_model
 from catenary.crtk.message_values import joint_values
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.topic_names import JOINT_STATE, calibrated_namespace
@@ -37,9 +35,8 @@ class Corrected(NamedTuple):
 class _Calibrated:
     """A model beside the states of a robot."""
 
-    def __init__(self, model: Path, names: tuple[str, ...], units: tuple[str, ...], rate_hz: float) -> None:
-        loaded, _ = load_model(model)
-        self._corrector = Corrector(loaded, rate_hz=rate_hz)
+    def __init__(self, model: CalibrationModel, names: tuple[str, ...], units: tuple[str, ...], rate_hz: float) -> None:
+        self._corrector = Corrector(model, rate_hz=rate_hz)
         self._corrector.prepare(names, units, rate_hz)
         self._q: Floats = np.full(len(names), np.nan)
         self._inside: Flags = np.zeros(len(names), dtype=bool)
@@ -85,7 +82,7 @@ class _Deployed:
 def watch_robot(
     robot: OperatedRobot,
     *,
-    model: Path | None = None,
+    model: CalibrationModel | None = None,
     every: float = PERIOD_S,
     tick: Callable[[], object] = lambda: None,
     clock: Callable[[], float] = time.monotonic,
