@@ -97,12 +97,8 @@ class RawCheck:
     MAX_VALUE = 1e5  # in any unit: treated as infinite
 
     def __init__(self, stuck_samples: int, full_range: float, faults: tuple[Fault, Fault, Fault]) -> None:
-        """Set the limits of a sensor.
-
-        Args:
-            stuck_samples: Consecutive identical readings of a stuck sensor; 0 turns the check off.
-            full_range: Largest reading of an axis, in the sensor's unit.
-            faults: Reported for readings that are not finite, stuck and saturated.
+        """Set the number of identical readings of a stuck sensor, 0 for no such check; the largest reading of an axis;
+        and the faults of readings that are not finite, stuck and saturated.
         """
         self._stuck_samples = stuck_samples
         # values far beyond the range are not saturation, but another unit or a spike
@@ -151,13 +147,7 @@ class GravityCheck:
     LEVER = 0.5  # [m] largest distance of the base's origin from its axis of rotation
 
     def __init__(self, base: BaseSpectrum, *, lever: float = 0.0, hanging: bool = False) -> None:
-        """Set the thresholds.
-
-        Args:
-            base: Accelerations of the platform.
-            lever: Distance of the sensor from the base's origin [m].
-            hanging: Accept a base that hangs upside down.
-        """
+        """Set the platform's accelerations, the sensor's distance from the base's origin [m], and if it may hang."""
         self._lever = self.LEVER + lever
         self._times = np.array([base.mean_time, _MEAN_S])
         self._base, self._least_down = base, -1.0 if hanging else math.cos(_MAX_TILT)
@@ -209,12 +199,8 @@ class GravityCheck:
     def fault(self, stamp: float, gravity: Floats, expected: Floats, rate: Floats | None, swing: float = 0.0) -> Fault:
         """Return the fault of a reading, NONE if it has none.
 
-        Args:
-            stamp: Time of the reading [s].
-            gravity: (3,) reading in base axes [m/s2].
-            expected: (3,) prediction from accepted readings; not used before the first.
-            rate: (3,) angular velocity [rad/s]; None if unknown.
-            swing: Bound on angular acceleration [rad/s2].
+        gravity (3,) is the reading in base axes, expected (3,) its prediction from accepted ones, not used before the
+        first; rate (3,) the angular velocity [rad/s], if known, and swing a bound on its derivative [rad/s2].
         """
         dt = stamp - self.last_stamp
         step = norm(gravity - self._last) if math.isfinite(dt) else math.inf
@@ -393,14 +379,9 @@ class RateCheck:
 
 
 def explain(gravity: Floats, wanted: Floats) -> tuple[Fault, Floats]:
-    """Identify a sign or axis mistake whose correction brings a reading five times nearer to its prediction.
+    """Identify a sign or axis mistake whose correction (3, 3) brings a reading (3,) five times nearer to `wanted` (3,).
 
-    Args:
-        gravity: (3,) reading [m/s2].
-        wanted: (3,) prediction in the same axes [m/s2].
-
-    Returns:
-        Fault and correction (3, 3), a signed permutation; NONE and the identity if there is none.
+    NONE and the identity if there is none.
     """
     off = 0.2 * norm(gravity - wanted)
     if norm(gravity + wanted) < off:

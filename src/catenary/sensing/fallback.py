@@ -44,12 +44,7 @@ class SmoothTransfer:
     """
 
     def __init__(self, follow: Floats, recover: Floats) -> None:
-        """Set the rate limits of k targets.
-
-        Args:
-            follow: (k,) largest rate at which a target is followed [unit/s].
-            recover: (k,) rate at which an offset decays [unit/s].
-        """
+        """Set the largest rates at which k targets are followed, and those at which offsets decay, (k,) [unit/s]."""
         self._rates = np.array([follow, recover])
         self._offset = np.zeros((len(follow), 3))
         self._target: Floats | None = None

@@ -108,14 +108,7 @@ class PredictedGravity:
         self._is_resting, self.disagrees = True, False
 
     def turn(self, stamp: float, rate: Floats, rested: Floats | None, fitted: Floats | None) -> None:
-        """Rotate the prediction by a rate.
-
-        Args:
-            stamp: Time of the rate [s].
-            rate: (3,) [rad/s] in base axes.
-            rested: (3,) bias from rests [rad/s], if known.
-            fitted: (3,) bias fitted in turns [rad/s], if known.
-        """
+        """Rotate the prediction by a rate (3,) [rad/s], less its bias (3,) from rests, or else as fitted in turns."""
         dt, self._rate_stamp = stamp - self._rate_stamp, stamp
         if not 0.0 < dt < GravityCheck.REST:
             self._gravity = None

@@ -77,13 +77,7 @@ class Memories:
         return max(0.0, self.newest - self.first)
 
     def add(self, stamp: float, vector: Floats, turning: Floats | None = None) -> None:
-        """Add a sample newer than all others.
-
-        Args:
-            stamp: Time [s].
-            vector: (3,) [unit of the signal].
-            turning: (3,) angular velocity of the axes since the last sample [rad/s].
-        """
+        """Add a sample (3,), newer than all others; turning (3,) [rad/s] is the angular velocity of its axes."""
         if self.newest == -math.inf:
             self.first = stamp
             self.state["states"][0, :, 0], self.state["begun"] = vector, stamp
@@ -106,17 +100,10 @@ class Memories:
 def motion(
     force: Any, rates: Any, force_age: float, rate_age: float, turning: bool, place: Floats, at: Floats, out: Floats
 ) -> None:
-    """Write gravity at the base's origin, angular velocity and angular acceleration (3, 3).
+    """Write gravity at the base's origin, angular velocity and angular acceleration (3, 3) to `out`.
 
-    Args:
-        force: State of the filter of gravity.
-        rates: State of the filter of angular rates.
-        force_age: Age of the newest sample of gravity [s].
-        rate_age: Age of the newest rate [s].
-        turning: Use the rates.
-        place: (3,) position of the sensor from the base's origin [m].
-        at: (2, 3, 3) receives `Memories.at` of the rates and of gravity at the sensor.
-        out: (3, 3) receives the result [m/s2, rad/s, rad/s2].
+    `force` and `rates` are filter states with the ages of their newest samples [s]; rates are used if `turning`; place
+    (3,) is the sensor's position [m]; at (2, 3, 3) receives `Memories.at` of the rates and of gravity at the sensor.
     """
     out[:] = 0.0
     if turning:

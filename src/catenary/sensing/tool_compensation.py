@@ -123,15 +123,7 @@ class RestPoses:
         self._dwell: list[tuple[float, Floats, Floats]] = []
 
     def add(self, time: float, q: Floats, qd: Floats, reading: Floats, gravity: Floats) -> bool:
-        """Add a reading and return true if it completes a new pose.
-
-        Args:
-            time: Of the reading [s].
-            q: (n,) [rad|m].
-            qd: (n,) [rad/s|m/s].
-            reading: (6,) [N, Nm].
-            gravity: (3,) in base axes [m/s2].
-        """
+        """Add a reading (6,) with q and qd (n,) and gravity (3,) of its time [s]; return true for a new pose."""
         if np.abs(qd).max() > _STILL_SPEED:
             self._dwell.clear()
             return False

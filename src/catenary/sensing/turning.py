@@ -284,13 +284,7 @@ class TurningWatch:
     GAP = 0.2  # [s] without samples, after which the sums restart
 
     def __init__(self, place: Floats, drift: float, *, checked: bool = False) -> None:
-        """Set the sensor.
-
-        Args:
-            place: (3,) position from the base's origin, in the sensor's axes [m].
-            drift: Accelerations of the base that remain in the rows of `compare` [m/s2].
-            checked: A tumble has confirmed the gyroscope.
-        """
+        """Set the sensor's place and the base's drift, as of `compare`, and if a tumble has confirmed the gyroscope."""
         self._place, self._drift = place, drift
         self.result, self.may_be_used = Result(is_right=checked), checked
         self.fitted_bias: Floats | None = None  # (3,) [rad/s] fitted in recent turns

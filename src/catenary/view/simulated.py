@@ -185,16 +185,16 @@ class Surroundings:
         found["sensor"] = self._break_sensor
         plant, unit = self.plant, _RIGID_FRICTION * self._torque
         if isinstance(plant, CablePlant):
-            return found | {"payload_kg": plant.carry, "friction": plant.rub, "wear": plant.wear}
+            return found | {"payload_kg": plant.carry, "friction": plant.set_coulomb_friction, "wear": plant.wear}
         found["payload_kg"] = lambda mass: plant.attach(Payload(mass) if mass > 0.0 else None)
-        return found | {"friction": lambda factor: plant.rub(factor * unit)}
+        return found | {"friction": lambda factor: plant.set_coulomb_friction(factor * unit)}
 
     def _tilt(self, name: str, value: float) -> None:
         self._attitude[name] = value
         *angles, frequency = self._attitude.values()
         roll, pitch, amplitude = np.deg2rad(angles)
         self._base = self._base.toward(self.plant.time, roll, pitch, amplitude=amplitude, frequency=frequency)
-        self.plant.stand_on(self._base)
+        self.plant.set_base(self._base)
 
     def _break_sensor(self, fault: str) -> None:
         known = fault in _SENSOR_FAULTS
