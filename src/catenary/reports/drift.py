@@ -1,4 +1,4 @@
-"""Pages on a model over days: its error and since when it no longer holds, and what a refresh made of each joint."""
+"""Reports of a model over days: drift of its error and the first failure; refresh of each joint."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,7 +16,7 @@ _MAX_LABELS = 12  # below a picture
 
 
 def drift_tables(found: DriftFound) -> list[Table]:
-    """Return a row for each stretch between homings, or each card: RMSE of every joint, ! where it is beyond."""
+    """Return tables with a row for each stretch between homings, or each card: RMSE per joint, ! beyond the limit."""
     joints = _joints(found)
     errors = joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", "")
     if any(isinstance(stretch, CardStretch) for stretch in found.stretches):
@@ -24,16 +24,23 @@ def drift_tables(found: DriftFound) -> list[Table]:
         zeros = joint_columns(joints, lambda s, j: s.zeros[j], "+.3f")
         return [
             Table([*card, *errors], found.stretches, "RMSE on data that each model did not see; ! beyond"),
-            Table([*card[:2], *zeros], found.stretches, "Zeros: what is added to each joint"),
+            Table([*card[:2], *zeros], found.stretches, "Zeros, added to each joint"),
         ]
     return [Table(["recording", "homing", "date", "rows", *errors], found.stretches, "RMSE between homings; ! beyond")]
 
 
 def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequence[str] = ()) -> None:
-    """Write the verdict, a picture of the error over days and homings, and the table."""
-    told = since_in_words(found)
+    """Write the drift report: verdict, plot of the error over days and homings, table.
+
+    Args:
+        path: HTML file to write.
+        found: Result of the drift analysis.
+        model: Name of the model.
+        notes: Remarks.
+    """
+    failures = since_in_words(found)
     first, last = found.stretches[0], found.stretches[-1]
-    lead = f"{'; '.join(told)}." if told else f"{model} holds on the last of {len(found.stretches)} stretches."
+    lead = f"{'; '.join(failures)}." if failures else f"{model} holds on the last of {len(found.stretches)} stretches."
     blocks: list[page.Block] = [
         page.Text(f"From {_place(first)} to {_place(last)}. Beyond means: {found.judged_by}."),
         *([page.Remarks(list(notes))] if notes else []),
@@ -41,13 +48,13 @@ def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequ
         drift_picture(found),
         page.Heading("Numbers"),
         *drift_tables(found),
-        page.Text("! beyond. A recording is cut where the encoders' offsets change, and where its clock goes back."),
+        page.Text("! beyond. A recording is split where the encoders' offsets change, and where its clock goes back."),
     ]
     page.write_page(path, f"Drift of {model}", lead, blocks)
 
 
 def drift_picture(found: DriftFound) -> page.Picture:
-    """Draw the RMSE of every joint, stretch after stretch, those beyond in another colour and shape."""
+    """Plot the RMSE of every joint over the stretches, those beyond the limit in another colour and shape."""
     number = np.arange(len(found.stretches))
     figure, panels = page.joint_panels(_joints(found), 1.7, spare=1.0)
     for j, (axes,) in enumerate(panels):
@@ -78,31 +85,43 @@ def _place(stretch: Stretch) -> str:
     return f"{day}, homing {stretch.homing}" if stretch.homing else day
 
 
-PROMISE = "promised: between what the RMSE of other minutes of this day lies, of motion like these, 19 times of 20"
+PROMISE = "promised: 95 % interval of the RMSE over other minutes of this day with similar motion"
 
 
 def refresh_table(changes: Sequence[JointChange], rows: int) -> Table:
-    """Return a row for each joint: what moved, its error before and after, and what is promised."""
+    """Return a table with a row for each joint: its change, its error before and after, and the promised error.
+
+    Args:
+        changes: Of the joints.
+        rows: Number of new rows.
+    """
     unit = in_units(change.unit for change in changes)
     columns: list[Column] = [
         ("joint", "name"), "unit", "change", (f"moved {unit}", "moved:+.3f"),
         (f"RMSE before {unit}", "rmse_before:.3f"), (f"on blocks after {unit}", "rmse_after:.3f"),
         (f"promised {unit}", lambda change: f"{change.rmse_low:.3f} to {change.rmse_high:.3f}"),
     ]  # fmt: skip
-    return Table(columns, changes, f"What became of each joint, on {rows:,} new rows")
+    return Table(columns, changes, f"Refresh of each joint, on {rows:,} new rows")
 
 
 def write_refresh_report(
     path: Path, refreshed: Refreshed, data: CalibrationData, *, model: str, moved: str, notes: Sequence[str] = ()
 ) -> None:
-    """Write what moved, the table, and a picture of each joint's error before and after."""
+    """Write the report of a refresh: table, and plots of each joint's error before and after.
+
+    Args:
+        path: HTML file to write.
+        refreshed: Result of the refresh.
+        data: New rows.
+        model: Name of the model.
+        moved: Summary of the changes.
+        notes: Remarks.
+    """
     blocks: list[page.Block] = [
         *([page.Remarks(list(notes))] if notes else []),
-        page.Heading("What became of each joint"),
+        page.Heading("Refresh of each joint"),
         refresh_table(refreshed.changes, len(data)),
-        page.Text(
-            f"{PROMISE[0].upper()}{PROMISE[1:]}. Rows after are each of a fit that did not see their block of time."
-        ),
+        page.Text(f"{PROMISE[0].upper()}{PROMISE[1:]}. Errors after are cross-validated over blocks of time."),
         page.Heading("Errors on the new rows"),
         refresh_picture(refreshed, data),
     ]
@@ -111,7 +130,7 @@ def write_refresh_report(
 
 
 def refresh_picture(refreshed: Refreshed, data: CalibrationData) -> page.Picture:
-    """Draw each joint's error before the refresh, and after it on blocks that were not fitted to."""
+    """Plot each joint's error before the refresh, and the cross-validated error after it."""
     row = np.arange(len(data))
     joints = [(change.name, change.unit) for change in refreshed.changes]
     figure, panels = page.joint_panels(joints, 1.7, spare=0.8)
@@ -125,6 +144,4 @@ def refresh_picture(refreshed: Refreshed, data: CalibrationData) -> page.Picture
     axes.set_xlabel("row")
     axes.set_xlim(0, max(1, len(data) - 1))
     figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)
-    return page.picture(
-        figure, "Errors of the corrected positions; dashed: the promised RMSE at its largest, both ways."
-    )
+    return page.picture(figure, "Errors of the corrected positions; dashed: +- the largest promised RMSE.")

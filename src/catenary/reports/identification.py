@@ -1,4 +1,4 @@
-"""The page about an identification: torques measured and predicted, residuals, parameters, excitation, verdict."""
+"""Identification report (HTML): residuals, measured and predicted torques, masses, rotors, excitation."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,29 +15,37 @@ from catenary.reports.robot_plot import robot_picture
 from catenary.tables import Column, Table, joint_columns
 from catenary.units import TORQUE_UNIT
 
-_MAX_POINTS = 3000  # rows a picture draws; more are not seen
+_MAX_POINTS = 3000  # rows in a plot
 _SHOWN_POSES = 9  # of a recording
 
 
 def write_identification_report(
     path: Path, found: Identification, card: Card, shown: Sequence[Samples], *, notes: Sequence[str] = ()
 ) -> None:
-    """Write the page about an identification, one self-contained file; torques are drawn of the recordings `shown`."""
+    """Write the report of an identification as one self-contained HTML file.
+
+    Args:
+        path: File to write.
+        found: Result of the identification.
+        card: Its card.
+        shown: Recordings whose torques are plotted.
+        notes: Remarks.
+    """
     blocks: list[page.Block] = [
         page.Heading("Residuals"),
         found.residual_table,
         page.Text(
-            "RMS of measured less predicted torque over RMS of the torque, per axis, known torques subtracted first. "
-            "On a recording that was not fitted the model holds while no axis has more than twice the training "
-            "residual, has drifted beyond that, and fails where an axis is hardly better than predicting no torque. "
-            "Where it was moved too little, or where nothing was fitted, that is unclear."
+            "RMS of measured minus predicted torque over RMS of the torque, per axis, after subtracting known torques. "
+            "On a recording that was not fitted the model holds if no axis has more than twice the training residual, "
+            "has drifted beyond that, and fails if an axis is hardly better than predicting no torque. The verdict is "
+            "unclear for axes that moved too little, or without a fit."
         ),
         absolute_table(found),
         *([page.Remarks(notes)] if notes else []),
         page.Heading("Excitation"),
         page.Facts(excitation_facts(found)),
     ]
-    for samples in shown[:1]:  # with the masses that were found where these are each link's
+    for samples in shown[:1]:  # with the identified masses, if they are per link
         rows = np.linspace(0, len(samples) - 1, _SHOWN_POSES).astype(int)
         caption = f"The robot in {_SHOWN_POSES} poses of {samples.name}, the first of them whole."
         robot = found.model if found.phi is None else found.robot()
@@ -69,33 +77,33 @@ def absolute_table(found: Identification) -> Table:
 
 
 def mass_table(found: Identification) -> Table | None:
-    """Return every link's mass and centre as identified beside those of the robot's file; None where there are none."""
+    """Return a table of identified masses and centres of mass beside those of the robot's file; None without them."""
     if not found.prior or found.phi is None:
         return None
     robot, given = found.robot(), found.model
     columns: list[Column] = ["link", ("mass [kg]", ":.3g"), ("file's [kg]", ":.3g"), ("ratio", ":.2f")]
-    columns.append(("centres apart [mm]", ":.0f"))
+    columns.append(("distance of centres [mm]", ":.0f"))
     links = [i for i in found.base.parameters.links if given.tree.mass[i] > 0.0]
     mass, own = robot.tree.mass[links], given.tree.mass[links]
     apart = 1000.0 * np.linalg.norm(robot.tree.com[links] - given.tree.com[links], axis=1)
     rows = list(zip((given.link_names[i] for i in links), mass, own, mass / own, apart, strict=True))
-    return Table(columns, rows, "Links beside the robot's file; single masses are drawn to it, not measured")
+    return Table(columns, rows, "Links beside the robot's file; single masses are regularised to it, not measured")
 
 
 def rotor_table(found: Identification) -> Table | None:
-    """Return the rotors as seen at the joints; None where there are none."""
+    """Return a table of reflected rotor inertias; None without rotors."""
 
-    def told(rotor: Rotor) -> str:
+    def source(rotor: Rotor) -> str:
         return "as stated" if found.options.rotors else "by itself" if rotor.error is not None else "with its link's"
 
     columns: list[Column] = [("rotor", "name"), ("reflected inertia [kg m2, kg]", "inertia:.3g")]
-    columns += [("std", "error:.2g"), ("told", told)]
-    return Table(columns, found.rotors, "Rotors, as seen at the joints") if found.rotors else None
+    columns += [("std", "error:.2g"), ("identified", source)]
+    return Table(columns, found.rotors, "Rotors, reflected to the joints") if found.rotors else None
 
 
 def excitation_facts(found: Identification) -> list[tuple[str, str]]:
-    """Return rank, condition, weights and physical consistency."""
-    consistent = "not asked for" if found.phi is None else "yes: every link a body, no negative friction"
+    """Return rank, condition, weights and physical consistency, as name and text."""
+    consistent = "not requested" if found.phi is None else "yes: every link a body, no negative friction"
     return [
         ("rank", f"{found.rank} of {found.base.count} base parameters"),
         ("condition", f"{found.condition:.4g} (weighted rows, columns scaled to length one)"),
@@ -105,7 +113,7 @@ def excitation_facts(found: Identification) -> list[tuple[str, str]]:
 
 
 def torque_picture(found: Identification, samples: Samples) -> page.Picture:
-    """Draw measured and predicted torque of every axis over time."""
+    """Plot measured and predicted torque of every axis over time."""
     every = max(1, len(samples) // _MAX_POINTS)
     tau, time = samples.tau[::every], samples.time[::every]
     predicted = found.predict_samples(samples)[::every]
@@ -120,7 +128,7 @@ def torque_picture(found: Identification, samples: Samples) -> page.Picture:
             axis.plot(time, values, color=colour, linewidth=0.8, label=label)
     panels[0, 0].legend(loc="upper right", ncols=3, fontsize=8)
     axis.set_xlabel("row" if found.options.terms == "static" else "time [s]")
-    return page.picture(figure, "Measured torque, predicted torque, and what is left, filtered alike.")
+    return page.picture(figure, "Measured torque, predicted torque and residual, with the same filter.")
 
 
 def _all(found: Identification) -> Sequence[LogResidual]:

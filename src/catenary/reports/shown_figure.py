@@ -1,4 +1,4 @@
-"""A figure that a notebook shows in its first cell: pyplot, which tells notebooks of figures, need not be there."""
+"""Matplotlib figure that notebooks display without pyplot."""
 
 from io import BytesIO
 
@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 
 class ShownFigure(Figure):
-    """Matplotlib's, which draws itself as PNG."""
+    """Matplotlib figure that renders itself as PNG."""
 
     def _repr_png_(self) -> bytes:
         content = BytesIO()
