@@ -115,7 +115,6 @@ def state_column(message: object, name: str) -> Floats:
     """Return a field of a raven_state message in SI.
 
     Args:
-        message: raven_state message.
         name: Field, one of STATE_COLUMNS.
 
     Returns:

@@ -49,11 +49,7 @@ def kinematics_of(name: str | None, model: CalibrationModel) -> RobotModel | Non
 
 
 def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluation) -> TipErrors:
-    """Compute tip positions from measured, reported and corrected joints; other joints are zero.
-
-    Raises:
-        InputError: The model's joints do not determine the tip.
-    """
+    """Compute tip positions from measured, reported and corrected joints; others are zero, and must not move it."""
     places = _places(robot, model.joint_names, model.joint_units)
     if places is None:
         raise InputError(
@@ -148,13 +144,7 @@ def write_calibration_report(
     """Write the report of a calibration as one self-contained HTML file.
 
     Args:
-        path: File to write.
-        model: Calibration model.
-        card: Its card.
-        evaluation: Errors before and after, on the test data.
-        tested_on: Name of the test data.
         spread: Results of a cross-validation.
-        notes: Remarks on the data.
         opening: Blocks after those on errors.
         further: Blocks before the model's card.
         name: Name of the model on the page; kind and preset when None.

@@ -33,10 +33,7 @@ def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequ
     """Write the drift report: verdict, plot of the error over days and homings, table.
 
     Args:
-        path: HTML file to write.
-        found: Result of the drift analysis.
-        model: Name of the model.
-        notes: Remarks.
+        found: Errors between homings, and the first stretch beyond the limit of each joint.
     """
     failures = since_in_words(found)
     first, last = found.stretches[0], found.stretches[-1]
@@ -92,7 +89,6 @@ def refresh_table(changes: Sequence[JointChange], rows: int) -> Table:
     """Return a table with a row for each joint: its change, its error before and after, and the promised error.
 
     Args:
-        changes: Of the joints.
         rows: Number of new rows.
     """
     unit = in_units(change.unit for change in changes)
@@ -110,12 +106,7 @@ def write_refresh_report(
     """Write the report of a refresh: table, and plots of each joint's error before and after.
 
     Args:
-        path: HTML file to write.
-        refreshed: Result of the refresh.
-        data: New rows.
-        model: Name of the model.
         moved: Summary of the changes.
-        notes: Remarks.
     """
     blocks: list[page.Block] = [
         *([page.Remarks(list(notes))] if notes else []),

@@ -31,8 +31,7 @@ def gravity_table(result: Tracking | Holding, title: str = "") -> Table:
     """Return a table with a row per joint: RMS error, PD term and torque of tracking, or drift of holding.
 
     Args:
-        result: Of a tracking or holding experiment.
-        title: Of the table.
+        result: Of tracking or holding; its units become deg or mm, and Nm or N.
     """
 
     def of(heading: str, key: str, form: str, unit: str = "unit") -> Column:
@@ -59,10 +58,7 @@ def write_gravity_report(
     """Write the report of a tracking or holding experiment: table, plot over time, settings.
 
     Args:
-        path: HTML file to write.
-        result: Of the experiment.
         settings: By name, including "controller".
-        arm: Picture of the robot, if any.
     """
     title, lead, text = _HOLDING if isinstance(result, Holding) else _TRACKING
     drawn = holding_picture(result) if isinstance(result, Holding) else tracking_picture(result)

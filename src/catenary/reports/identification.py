@@ -25,11 +25,7 @@ def write_identification_report(
     """Write the report of an identification as one self-contained HTML file.
 
     Args:
-        path: File to write.
-        found: Result of the identification.
-        card: Its card.
         shown: Recordings whose torques are plotted.
-        notes: Remarks.
     """
     blocks: list[page.Block] = [
         page.Heading("Residuals"),

@@ -299,10 +299,7 @@ def model_figure(evaluation: Evaluation, log: MotionLog, joint: str | None = Non
     """Plot the effect of a calibration model on one joint, as a figure of one journal column.
 
     Args:
-        evaluation: Errors before and after, on a recording.
-        log: The recording.
         joint: Name; the first joint when None.
-        name: Label of the model.
 
     Raises:
         InputError: No joint of this name.

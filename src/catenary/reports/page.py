@@ -79,8 +79,6 @@ def picture(figure: "Figure", caption: str, alt: str = "") -> Picture:
     """Render a matplotlib figure as a picture block, without top and right spines.
 
     Args:
-        figure: Matplotlib figure, changed.
-        caption: Text below the picture.
         alt: Alternative text; the caption if empty.
     """
     for axes in figure.axes:
@@ -109,8 +107,6 @@ def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
     Lines of many points are rasterised, so that a figure of hours takes some 100 kB.
 
     Args:
-        figure: Matplotlib figure.
-        path: File to write, atomically.
         endings: Suffixes of known formats, such as ".pdf"; others give PNG.
     """
     from matplotlib import rc_context

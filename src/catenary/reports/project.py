@@ -33,15 +33,8 @@ def write_project_report(
     """Write the report of a project for the model of the last evaluation.
 
     Args:
-        path: HTML file to write.
         connection: "simulation", "ros1" or "ros2".
-        model: Calibration model.
-        card: Its card.
         evaluations: By model, the recommended one last.
-        train: Training recordings.
-        test: Test recordings.
-        deployment: Result of the deployment, if any.
-        notes: Remarks.
     """
     name, evaluation = list(evaluations.items())[-1]
     opening: list[Block] = [Heading("What the robot did"), _coverage(train, test)]
@@ -59,8 +52,7 @@ def comparison_table(evaluations: Mapping[str, Evaluation], title: str = "") -> 
     """Return a table with a row for each model, after raw errors and those of the fixed offset.
 
     Args:
-        evaluations: By model.
-        title: Of the table.
+        evaluations: By name of the model, all on the same rows.
     """
     joints = next(iter(evaluations.values())).joints
     rows = [
@@ -114,8 +106,6 @@ def deployed_table(deployment: Mapping[str, Any], *, title: str = "", outside: b
     """Return a table of a deployed model's RMS errors and coverage, per joint.
 
     Args:
-        deployment: Result of the deployment.
-        title: Of the table.
         outside: Include the share of ticks outside the model's valid range.
     """
     columns: list[Column] = [("joint", "name"), "unit", ("reported", "raw_rmse:.3f"), ("corrected", "rmse:.3f")]

@@ -92,9 +92,7 @@ def robot_picture(model: RobotModel, q: ArrayLike, caption: str, *, gravity: Arr
     """Draw a robot for a page.
 
     Args:
-        model: Robot.
         q: (n,) pose or (N, n) poses [rad|m].
-        caption: Text below the picture.
         gravity: (3,) in base axes [m/s2].
     """
     figure = plot(model, q, gravity=gravity)

@@ -76,11 +76,7 @@ class Mounting:
         return replace(self, rotation=frame.pose.rotation, position=frame.pose.position, base=model.base)
 
     def in_base_of(self, model: RobotModel) -> "Mounting":
-        """Return the mounting in the axes of a robot's base.
-
-        Raises:
-            InputError: The robot has no such frame on its base.
-        """
+        """Return the mounting in the axes of a robot's base; refuse a frame that is not fixed to it."""
         frame = model.frames.get(self.base)
         if self.base == model.base:
             return self
@@ -150,7 +146,6 @@ def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | 
     """Write a mounting file atomically.
 
     Args:
-        path: File to write (TOML).
         mounting: Pose and errors of the sensor; infinite ranges are omitted.
         tumble: Quality of the calibration, if known.
     """

@@ -41,7 +41,6 @@ def tool_line(model: RobotModel, tool: WristTool) -> Line:
     """Trace a tool's load on its sensor, force and moment in the sensor's axes.
 
     Args:
-        model: Arm that carries the tool.
         tool: Inertial parameters, and the frame of the sensor.
 
     Returns:
@@ -59,7 +58,6 @@ class JointMotion:
     wide, and has little lag.
 
     Args:
-        n: Number of joints.
         wait: Age of the times asked for, relative to the newest state [s]; 0 or more.
     """
 
@@ -112,7 +110,6 @@ class RestPoses:
     """Collect rest poses with different directions of gravity in the sensor's axes; a newer one replaces a similar one.
 
     Args:
-        model: Arm that carries the sensor.
         frame: Frame of the sensor; the tip when None.
     """
 
@@ -166,6 +163,15 @@ class ToolCompensation:
     """Subtract the tool's load from readings: call `motion.put` for joint states, `update` for each reading.
 
     Without `inertia` the inertial load stays in the wrench and is part of its deviation.
+
+    Example:
+        >>> gravity, arm = 9.81 * np.vstack([np.eye(3), -np.eye(3)]), catenary.load_robot("puma560")
+        >>> tool = catenary.fit_wrist_tool(0.5 * gravity, np.cross([0.0, 0.0, 0.1], 0.5 * gravity), gravity)
+        >>> compensation = catenary.ToolCompensation(arm, tool)
+        >>> compensation.motion.put(0.0, np.zeros(6))
+        >>> reading = compensation.update(0.0, [0.0, 0.0, -4.905, 0.0, 0.0, 0.0], [0.0, 0.0, -9.81])
+        >>> reading.wrench.shape
+        (6,)
     """
 
     def __init__(
@@ -182,7 +188,6 @@ class ToolCompensation:
         """Configure the compensation, and compile its kernel.
 
         Args:
-            model: Arm that carries the tool.
             tool: Tool behind the sensor, as `weigh_tool` returns it.
             frame: Frame of the robot for axes and origin of wrenches; the sensor's own when None.
             inertia: Subtract the inertial load, too.

@@ -136,13 +136,7 @@ class Mailbox:
         self.dropped = 0
 
     def put(self, stamp: float, vector: Sequence[float] | Floats, kind: Kind) -> None:
-        """Append a copy of a sample.
-
-        Args:
-            stamp: Time of the measurement [s].
-            vector: (3,) reading in the sensor's axes.
-            kind: Quantity of the reading.
-        """
+        """Append a copy of a sample (3,), measured at `stamp` [s]."""
         if self._convention is not None:
             matrix = self._convention.rate if kind is Kind.ANGULAR_RATE else self._convention.force
             vector = matrix @ np.asarray(vector, dtype=float)

@@ -78,13 +78,7 @@ class WristTool:
         return np.concatenate([self.force_bias, self.torque_bias])
 
     def without(self, force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> tuple[Floats, Floats]:
-        """Return force [N] and torque [Nm], (3,) or (N, 3), without bias and the tool's weight.
-
-        Args:
-            force: (3,) or (N, 3) as read [N].
-            torque: (3,) or (N, 3) as read [Nm].
-            gravity: (3,) or (N, 3) in the sensor's axes [m/s2].
-        """
+        """Return readings [N, Nm], (3,) or (N, 3), without bias and weight; gravity [m/s2] is in the sensor's axes."""
         down, single = as_batch("gravity", gravity, 3)
         shape = (3,) if single else down.shape
         weight = self.mass * down.reshape(shape)
@@ -104,6 +98,12 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
     Raises:
         InputError: Too few poses, or a mass or centre of mass out of range, as of a wrong sign or unit.
         ExcitationError: Gravity has nearly the same direction in all poses, in the sensor's axes.
+
+    Example:
+        >>> gravity = 9.81 * np.vstack([np.eye(3), -np.eye(3)])
+        >>> tool = catenary.fit_wrist_tool(0.5 * gravity + 1.0, np.cross([0.0, 0.0, 0.1], 0.5 * gravity), gravity)
+        >>> round(tool.mass, 3), tool.center.round(3) + 0.0
+        (0.5, array([0. , 0. , 0.1]))
     """
     down = as_array("gravity", gravity, (None, 3))
     forces, torques = as_array("force", force, down.shape), as_array("torque", torque, down.shape)

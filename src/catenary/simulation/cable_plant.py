@@ -386,7 +386,6 @@ def as_reported(plant: CablePlant, values: Floats) -> Floats:
 
     Args:
         plant: Arm whose file defines the type.
-        values: Of any shape.
     """
     return values.astype(plant.arm.file.reported).astype(np.float64)
 
@@ -416,7 +415,6 @@ def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
     """Return T ticks of a run as telemetry.
 
     Args:
-        plant: Arm that ran.
         log: Its T ticks.
 
     Returns:

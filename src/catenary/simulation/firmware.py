@@ -251,7 +251,6 @@ def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
     """Return the joint torques of motor torques, without friction.
 
     Args:
-        firmware: Nominal ratios and coupling.
         torque: (..., 7) at the gearboxes' outputs [Nm].
 
     Returns:

@@ -263,11 +263,11 @@ AnyArm = FirmwarePlant[Any]
 
 
 def save_plant(plant: AnyArm, path: Path) -> None:
-    """Save the state of an arm and its firmware, without its parameters, which follow from its seed.
+    """Save the state of an arm and its firmware as a NumPy archive, without its parameters, which follow from its seed.
 
     Args:
-        plant: Arm.
-        path: NumPy archive to write, atomically.
+        plant: Arm, in any state.
+        path: File to replace atomically.
     """
     arrays = {key: record[name] for key, record, name in _saved(plant)} | plant.registered
     about = _robot(plant) | {"tick": plant.ticks, "is_homed": plant.operating_state().is_homed}
@@ -280,7 +280,6 @@ def restore_plant(plant: AnyArm, path: Path) -> None:
 
     Args:
         plant: Arm with the same parameters and base.
-        path: NumPy archive.
 
     Raises:
         FileFormatError: The file is missing, damaged, or of another robot.

@@ -142,7 +142,6 @@ def psm_telemetry(plant: PsmPlant, log: PsmLog) -> dict[str, Floats]:
     """Return T ticks of a run as telemetry.
 
     Args:
-        plant: Arm that ran.
         log: Its last T ticks.
 
     Returns:

@@ -104,10 +104,7 @@ class SimulatedSensor:
 
         Args:
             base: Motion of the base, such as a plant's `base`.
-            mailbox: Receives the samples.
             model: Errors of the sensor; an MPU-6050 at the base's origin when None.
-            faults: Injected faults.
-            seed: Of the noise.
             start: Time of the first sample, or just before it [s]; the plant's present time.
         """
         self.model = SensorModel() if model is None else model

@@ -75,7 +75,6 @@ class GoneOn(SampledTrajectory):
         """Resume a motion.
 
         Args:
-            motion: Whole motion.
             begin: Instant at which to resume [s], 0 to the motion's duration.
         """
         if not 0.0 <= begin <= motion.duration:

@@ -39,7 +39,6 @@ def random_sinusoids(
     early, so that all joints come to rest at `duration`.
 
     Args:
-        rng: Source of randomness.
         duration: [s], twice `turn_time` to 1e8.
         lower: (n,) lower ends of the ranges [rad|m]; the RAVEN-II's calibration box by default.
         upper: (n,) upper ends.

@@ -147,9 +147,6 @@ def check_direction(direction: str, form: str = "generator") -> None:
     Args:
         direction: One of DIRECTIONS.
         form: "generator"; of J1-J2-J3 also "files" or "paper".
-
-    Raises:
-        InputError: With the choices.
     """
     if direction not in DIRECTIONS:
         raise InputError(f"direction: expected one of {', '.join(DIRECTIONS)}, got {direction!r}")

@@ -210,9 +210,6 @@ def coupled_friction(
         directions: A (m, n), one row per element, none zero.
         thresholds: (S, m) largest forces, 0 or more, of S systems that differ only in these.
         longest: (n,) longest step of each motor, positive; longer ones are split.
-
-    Raises:
-        InputError: An argument is outside its range.
     """
     longest = as_array("longest", longest, (None,))
     n = len(longest)
