@@ -15,57 +15,57 @@ from catenary.units import DISPLAY
 _MAX_LABELS = 12  # below a picture
 
 
-def drift_tables(found: DriftFound) -> list[Table]:
+def drift_tables(drift: DriftFound) -> list[Table]:
     """Return tables with a row for each stretch between homings, or each card: RMSE per joint, ! beyond the limit."""
-    joints = _joints(found)
+    joints = _joints(drift)
     errors = joint_columns(joints, lambda s, j: f"{s.rmse[j]:.3f}{' !' if s.beyond[j] else ''}", "")
-    if any(isinstance(stretch, CardStretch) for stretch in found.stretches):
+    if any(isinstance(stretch, CardStretch) for stretch in drift.stretches):
         card: list[Column] = [("card", "recording"), "date", "instrument", "tool", ("delay [s]", "delay:+.3f")]
         zeros = joint_columns(joints, lambda s, j: s.zeros[j], "+.3f")
         return [
-            Table([*card, *errors], found.stretches, "RMSE on data that each model did not see; ! beyond"),
-            Table([*card[:2], *zeros], found.stretches, "Zeros, added to each joint"),
+            Table([*card, *errors], drift.stretches, "RMSE on data that each model did not see; ! beyond"),
+            Table([*card[:2], *zeros], drift.stretches, "Zeros, added to each joint"),
         ]
-    return [Table(["recording", "homing", "date", "rows", *errors], found.stretches, "RMSE between homings; ! beyond")]
+    return [Table(["recording", "homing", "date", "rows", *errors], drift.stretches, "RMSE between homings; ! beyond")]
 
 
-def write_drift_report(path: Path, found: DriftFound, *, model: str, notes: Sequence[str] = ()) -> None:
+def write_drift_report(path: Path, drift: DriftFound, *, model: str, notes: Sequence[str] = ()) -> None:
     """Write the drift report: verdict, plot of the error over days and homings, table.
 
     Args:
-        found: Errors between homings, and the first stretch beyond the limit of each joint.
+        drift: Errors between homings, and the first stretch beyond the limit of each joint.
     """
-    failures = since_in_words(found)
-    first, last = found.stretches[0], found.stretches[-1]
-    lead = f"{'; '.join(failures)}." if failures else f"{model} holds on the last of {len(found.stretches)} stretches."
+    failures = since_in_words(drift)
+    first, last = drift.stretches[0], drift.stretches[-1]
+    lead = f"{'; '.join(failures)}." if failures else f"{model} holds on the last of {len(drift.stretches)} stretches."
     blocks: list[page.Block] = [
-        page.Text(f"From {_place(first)} to {_place(last)}. Beyond means: {found.judged_by}."),
+        page.Text(f"From {_place(first)} to {_place(last)}. Beyond means: {drift.judged_by}."),
         *([page.Remarks(list(notes))] if notes else []),
         page.Heading("Error over days and homings"),
-        drift_picture(found),
+        drift_picture(drift),
         page.Heading("Numbers"),
-        *drift_tables(found),
+        *drift_tables(drift),
         page.Text("! beyond. A recording is split where the encoders' offsets change, and where its clock goes back."),
     ]
     page.write_page(path, f"Drift of {model}", lead, blocks)
 
 
-def drift_picture(found: DriftFound) -> page.Picture:
+def drift_picture(drift: DriftFound) -> page.Picture:
     """Plot the RMSE of every joint over the stretches, those beyond the limit in another colour and shape."""
-    number = np.arange(len(found.stretches))
-    figure, panels = page.joint_panels(_joints(found), 1.7, spare=1.0)
+    number = np.arange(len(drift.stretches))
+    figure, panels = page.joint_panels(_joints(drift), 1.7, spare=1.0)
     for j, (axes,) in enumerate(panels):
-        rmse = np.array([stretch.rmse[j] for stretch in found.stretches])
-        beyond = np.array([stretch.beyond[j] for stretch in found.stretches])
+        rmse = np.array([stretch.rmse[j] for stretch in drift.stretches])
+        beyond = np.array([stretch.beyond[j] for stretch in drift.stretches])
         axes.plot(number, rmse, color=page.GREY, linewidth=1.0, zorder=1)
         axes.scatter(number[~beyond], rmse[~beyond], color=page.BLUE, marker="o", label="holds", zorder=2)
         axes.scatter(number[beyond], rmse[beyond], color=page.ORANGE, marker="X", label="beyond", zorder=2)
-        since = found.since[j]
+        since = drift.since[j]
         if since is not None:
             axes.axvspan(since - 0.5, len(number) - 0.5, color=page.ORANGE, alpha=0.1, linewidth=0.0)
         axes.set_ylim(bottom=0.0)
     shown = number[:: max(1, -(-len(number) // _MAX_LABELS))]
-    labels = [_place(found.stretches[k]) for k in shown]
+    labels = [_place(drift.stretches[k]) for k in shown]
     axes.set_xticks(shown, labels, rotation=30, ha="right", fontsize=8)
     axes.set_xlim(-0.5, len(number) - 0.5)
     handles = {label: handle for axes in panels.flat for handle, label in zip(*axes.get_legend_handles_labels())}  # noqa: B905
@@ -73,8 +73,8 @@ def drift_picture(found: DriftFound) -> page.Picture:
     return page.picture(figure, "RMSE of the corrected positions; shaded: the model is beyond from there to the end.")
 
 
-def _joints(found: DriftFound) -> list[tuple[str, str]]:
-    return [(name, DISPLAY[unit][0]) for name, unit in zip(found.joint_names, found.joint_units, strict=True)]
+def _joints(drift: DriftFound) -> list[tuple[str, str]]:
+    return [(name, DISPLAY[unit][0]) for name, unit in zip(drift.joint_names, drift.joint_units, strict=True)]
 
 
 def _place(stretch: Stretch) -> str:

@@ -328,8 +328,8 @@ def model_figure(evaluation: Evaluation, log: MotionLog, joint: str | None = Non
         _draw_coverage(coverage, evaluation, j)
         t = times_of(log)
         draw_overlay(delay, log, t, j, busy_rows(log, t, joint=j)[1])
-        found, in_unit = delay_of(log), "s" if log.time is not None else "rows"
-        delay.set_title(f"delay {found.low:+.3f} to {found.high:+.3f} {in_unit}", loc="right")
+        lag, in_unit = delay_of(log), "s" if log.time is not None else "rows"
+        delay.set_title(f"delay {lag.low:+.3f} to {lag.high:+.3f} {in_unit}", loc="right")
         delay.set_xlabel(f"time [{in_unit}]")
         delay.legend(ncols=2, loc="best")
         for letter, axes in zip("abcdef", figure.axes, strict=True):
