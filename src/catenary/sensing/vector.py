@@ -52,7 +52,7 @@ _DRIVERS: dict[str, Driver] = {
     "xsens": Driver(("m/s2", "rad/s"), "flu", "Acc_X, Gyr_X"),  # MT Manager; as ROS's driver
     "microstrain": Driver(("g", "rad/s"), "frd", "scaledAccelX, scaledGyroX"),  # SensorConnect
     "vectornav": Driver(("m/s2", "rad/s"), "frd", "UncompAccelX, UncompGyroX"),  # Control Center
-    "bno055": Driver(("m/s2", "deg/s"), "flu"),  # registers as they come from reset
+    "bno055": Driver(("m/s2", "deg/s"), "flu"),  # registers after a reset
     "mpu6050": Driver(("g", "deg/s"), "flu"),  # as most sketches print it
     "livox": Driver(("g", "rad/s"), "flu"),  # Mid-360, Avia; ROS's driver passes g on
     "realsense": Driver(("m/s2", "rad/s"), "optical"),  # D435i, camera_imu_optical_frame
