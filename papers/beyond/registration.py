@@ -13,7 +13,7 @@ from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats, frozen
 from catenary.raven2.transmission import COUNTS_PER_RADIAN
 from catenary.simulation.cable_parameters import Firmware
-from catenary.simulation.firmware import FOUND
+from catenary.simulation.firmware import STOP_FOUND
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 from catenary.transmission.cable_elasticity import joints_of
 from catenary.workflows.robot.motion import move_to
@@ -58,7 +58,7 @@ def home_watched(plant: CablePlant) -> Seek:
     for seek in _ticks(plant):
         if seek.any():
             q.append(plant.state.q.copy())
-        for j in np.flatnonzero((seek == FOUND) & np.isnan(found[:, 0])):
+        for j in np.flatnonzero((seek == STOP_FOUND) & np.isnan(found[:, 0])):
             found[j] = plant.state.q
     time = TRACE_TICKS * plant.period * np.arange(len(q[::TRACE_TICKS]), dtype=np.float64)
     return Seek(found, q[-1], time, np.array(q[::TRACE_TICKS]))

@@ -129,7 +129,7 @@ def test_a_page_shows_what_is_promised_of_the_rest_of_the_day(of_day_0: Path, tu
     text = page.read_text()
     assert "Moved: J2 +0.98 mm since 14 May 2026" in text
     assert "data:image/png" in text
-    assert "19 times of 20" in text
+    assert "95 % interval of the RMSE" in text
 
 
 def test_a_recording_that_the_model_knows_is_refused(of_day_0: Path, tuesday: Path) -> None:
@@ -187,7 +187,7 @@ def test_cards_are_told_by_date_whatever_their_order(models: list[Path], tmp_pat
     assert all(abs(each["delay"]) < 0.02 for each in stretches)
     text = catenary("drift", *order).out
     assert "J1: beyond since 2026-05-16" in text
-    assert "Zeros: what is added to each joint" in text
+    assert "Zeros, added to each joint" in text
     assert "data:image/png" in page.read_text()
 
 

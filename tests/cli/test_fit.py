@@ -76,7 +76,7 @@ def test_evaluate_tells_whether_intervals_hold(tmp_path: Path, model: Path) -> N
     before = intervals["joints"]
     assert all((joint["verdict"] == "held") == (joint["coverage"] >= 0.85) for joint in before)
     out = catenary("evaluate", model, other).out
-    assert "Errors within the model's intervals, which are to hold 90 %" in out
+    assert "Errors within the model's intervals, nominal coverage 90 %" in out
     arrays = simulated_arm.arrays(seed=1)
     arrays["q_act"][:, 0] += np.deg2rad(30.0)  # a cable has slipped
     np.savez(tmp_path / "slipped.npz", **arrays)

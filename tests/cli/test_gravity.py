@@ -108,7 +108,7 @@ def test_any_other_robot_is_held_as_rigid_bodies(tmp_path: Path) -> None:
     page = tmp_path / "hold.html"
     line = ("hold", "two_link", "--q-deg", "30,40", "--seconds", "0.2", "--base-tilt-deg", "0,90")
     assert str(page) in catenary(*line, "--report", page).out
-    assert "Distance of every joint from where it began" in page.read_text()
+    assert "Distance of every joint from its start" in page.read_text()
     assert "The arm where it was put, and, paler, at the end" in page.read_text()
     assert "0, 90" in page.read_text()  # the base's tilt
     assert max(joint["drift"] for joint in catenary(*line, "--json").json["joints"]) < 1e-3

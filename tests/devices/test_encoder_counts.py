@@ -61,9 +61,9 @@ def test_an_encoder_that_counts_against_its_joint_is_turned_round():
 @pytest.mark.parametrize(
     ("at", "named"),
     [
-        ((40_000, 200, 300), "time: shoulder by +39900 counts"),
-        ((100, -40_000, 300), "time: elbow by -40200 counts"),
-        ((100, 200, 80_000), "time: insertion by +79700 counts"),
+        ((40_000, 200, 300), "move: shoulder by +39900 counts"),
+        ((100, -40_000, 300), "move: elbow by -40200 counts"),
+        ((100, 200, 80_000), "move: insertion by +79700 counts"),
     ],
 )
 def test_a_single_row_that_no_joint_reaches_is_left_out_and_its_joint_named(at, named):
@@ -107,10 +107,10 @@ def test_scattered_noise_loses_nothing():
     ("before", "after", "gap", "bits", "loss"),
     [
         ((0, 0, 0), (10, 0, 0), 0.9, 32, None),
-        ((0, 0, 0), (10, 0, 0), 1.1, 32, "nothing came for 1.1 s"),
-        ((6000, 17_000, 76_000), (0, 0, 1), 0.9, 32, "the board started anew"),
+        ((0, 0, 0), (10, 0, 0), 1.1, 32, "no counts for 1.1 s"),
+        ((6000, 17_000, 76_000), (0, 0, 1), 0.9, 32, "the board restarted"),
         # 0.5 m/s for 0.4 s is 40,000 counts, more than half of 65,536
-        ((0, 0, 0), (0, 0, 10), 0.4, 16, "nothing came for 0.40 s, too long for 16 bits"),
+        ((0, 0, 0), (0, 0, 10), 0.4, 16, "no counts for 0.40 s, too long for 16 bits"),
         ((0, 0, 0), (0, 0, 10), 0.4, 24, None),
     ],
 )

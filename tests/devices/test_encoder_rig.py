@@ -49,10 +49,10 @@ def homing(rest=1.0):
 def homed(rows, homed=True, registration=None):
     """Told that the robot homes while these rows come."""
     registration = registration or Registration(RIG)
-    registration.tell(homing=True, homed=False)
+    registration.set_robot_state(homing=True, homed=False)
     for row in rows:
         registration.update(row)
-    registration.tell(homing=False, homed=homed)
+    registration.set_robot_state(homing=False, homed=homed)
     return registration
 
 
@@ -78,7 +78,7 @@ def test_the_robots_word_ends_the_registration(rows, is_homed, reason):
 def test_a_robot_that_does_not_home_or_says_nothing_registers_nothing(told):
     registration = Registration(RIG)
     if told:
-        registration.tell(homing=False, homed=True)
+        registration.set_robot_state(homing=False, homed=True)
     for row in homing():
         registration.update(row)
     assert not registration.is_watching
@@ -95,7 +95,7 @@ def test_a_joint_that_goes_past_its_stop_shows_that_it_was_none():
     registration = homed(homing())
     registration.update(STOPS + np.array([0.0, 0.0, 1000.0]))
     assert registration.zero is None
-    assert "insertion went past what was taken for the stop" in registration.reason
+    assert "insertion moved beyond the registered stop" in registration.reason
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def test_a_simulated_arm_is_registered_as_its_own_rig_is(simulated_homing):
     for time, row, state, _ in simulated_homing:
         verdict, counts, _ = tracker.update(tuple(map(int, row)), time, period=0.004)
         assert verdict is Verdict.GOOD
-        registration.tell(state.is_busy and not state.is_homed, state.is_homed)
+        registration.set_robot_state(state.is_busy and not state.is_homed, state.is_homed)
         registration.update(counts)
     assert registration.zero is not None
     _, counts, _, expected = simulated_homing[-1]

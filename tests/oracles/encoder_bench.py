@@ -36,7 +36,7 @@ class EncoderBench:
             self.write(self.board.line(row))
 
     def tell(self, *, is_busy: bool, is_homed: bool) -> None:
-        self.driver.tell(is_busy=is_busy, is_homed=is_homed)
+        self.driver.set_robot_state(is_busy=is_busy, is_homed=is_homed)
 
     def home(self) -> None:
         """Into the stops, and back."""

@@ -58,7 +58,7 @@ def test_the_page_says_what_intervals_hold_and_a_model_without_says_so(
     fit, evaluation = result
     assert "Intervals" in page
     assert "half-width" in page
-    assert f"it holds {100.0 * evaluation.joints[0].coverage:.1f} %" in page
+    assert f"actual {100.0 * evaluation.joints[0].coverage:.1f} %" in page
     without = replace(fit, model=replace(fit.model, intervals=None))
     text = page_of(without, evaluate(without.model, evaluation.data), tmp_path / "without.html")
     assert "The model has no intervals" in text
@@ -141,7 +141,7 @@ def test_one_name_for_the_model_on_the_whole_page(result: Result, page: str) -> 
 def test_the_page_says_its_verdict_date_tip_and_paper(page: str) -> None:
     assert re.search(r'class="verdict">[^<]*recommended for', page)
     assert "Page made on" in page
-    assert "Not known: no robot whose kinematics" in page
+    assert "Unknown: name a robot whose tip" in page
     assert "H. Peng, A. Lewis" in page
     assert "Outside: share of rows" in page
 

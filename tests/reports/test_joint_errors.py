@@ -70,7 +70,7 @@ def test_one_wild_error_does_not_flatten_the_others_and_is_counted(
     content = simulated_arm.arrays(rows=4000)
     content["q_act"][3500, 0] += 3.0  # [rad]
     figure, block = drawn(tmp_path / "run.npz", monkeypatch, rows=4000, q_act=content["q_act"])
-    assert "beyond the picture: 1." in block.caption
+    assert "outside the plot: 1." in block.caption
     assert figure.axes[0].get_ylim()[1] < 90.0
 
 

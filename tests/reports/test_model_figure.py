@@ -54,4 +54,4 @@ def test_the_page_of_a_fit_holds_it(tmp_path: Path) -> None:
     page = tmp_path / "late.html"
     options = ("--delay", "0.15", "--model", "offset", "--out", tmp_path / "late.npz", "--report", page)
     assert catenary("fit", tmp_path / "late.parquet", *options).code == 0
-    assert "Where the lines turn at unlike times, a delay is left." in page.read_text()
+    assert "Where the lines turn at different times, a delay remains." in page.read_text()

@@ -46,5 +46,5 @@ def test_joints_are_matched_by_name_or_by_the_first_units_and_others_must_not_mo
     assert kinematics_of("panda", model) is None
     assert kinematics_of("raven2_full", found(np.zeros(3), ("a", "b", "c"), UNITS)[0]) is None
     assert kinematics_of(None, model) is None
-    with pytest.raises(InputError, match="its tip cannot be had"):
+    with pytest.raises(InputError, match="its tip does not follow"):
         tip_errors(load_robot("panda"), model, evaluation)

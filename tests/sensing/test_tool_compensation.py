@@ -79,7 +79,7 @@ def test_no_zero_is_taken_while_the_arm_moves():
     compensation.begin_zero(0.0)
     moved(wrist, compensation, 5.2)
     assert not compensation.is_zeroing
-    assert "the arm moves" in compensation.complaint
+    assert "the arm is moving" in compensation.complaint
     assert not compensation.zero.any()
 
 

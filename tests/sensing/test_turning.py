@@ -95,7 +95,7 @@ def test_a_gyroscope_that_was_wrong_is_wrong_until_a_turn_shows_that_it_agrees(r
         for k in range(len(t)):
             watch.add_rate(clock + t[k], rates[k] @ matrix.T)
             watch.add_gravity(clock + t[k], gravity[k], (0.04, 9e-4))
-        said.append(watch.found.fault)
+        said.append(watch.result.fault)
         clock += SPAN + 1.0
     assert said == [Fault.RATE_SIGN, Fault.RATE_SIGN, Fault.NONE]
-    assert watch.found.is_right
+    assert watch.result.is_right

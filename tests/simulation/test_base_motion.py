@@ -162,5 +162,5 @@ def test_wrong_rocking_is_refused() -> None:
 def test_plant_feels_the_base_that_it_stands_on_from_now_on() -> None:
     plant = CablePlant()
     assert_allclose(plant.measured_js().gravity, [0.0, 0.0, -9.81], atol=1e-3)
-    plant.stand_on(FixedBase(np.deg2rad(30.0)))
+    plant.set_base(FixedBase(np.deg2rad(30.0)))
     assert_allclose(plant.measured_js().gravity, FixedBase(np.deg2rad(30.0)).sample(np.zeros(1)).gravity[0])

@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import ConfigError
-from catenary.simulation.cable_parameters import RAVEN2, RAVEN2_STIFF, load_cable_arm, right_arm, varied
+from catenary.simulation.cable_parameters import RAVEN2, RAVEN2_STIFF, load_cable_arm, right_arm, varied_arm
 from oracles.cable_arms import ROBOTS
 
 
@@ -35,7 +35,7 @@ def test_firmware_and_mechanism_agree_on_how_the_tool_follows_the_insertion(robo
 
 def test_drawn_arms_spread_as_declared():
     nominal, rng = load_cable_arm(), np.random.default_rng(0)
-    arms = [varied(nominal, rng).cable for _ in range(400)]
+    arms = [varied_arm(nominal, rng).cable for _ in range(400)]
     stiffness = np.std([np.log(c.stiffness / nominal.cable.stiffness) for c in arms], axis=0)
     ratio = np.std([c.ratio_error - nominal.cable.ratio_error for c in arms], axis=0)
     assert_allclose(stiffness, 0.15, rtol=0.15)  # of 400 draws
@@ -62,7 +62,7 @@ def test_fitted_numbers_with_friction_are_plausible_and_say_why():
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_one_robot_drawn_twice_differs_in_phases_and_friction(robot):
     arm = load_cable_arm(robot)
-    one, two = (varied(arm, np.random.default_rng(seed)).cable for seed in (1, 2))
+    one, two = (varied_arm(arm, np.random.default_rng(seed)).cable for seed in (1, 2))
     for name in ("capstan_phase", "idler_phase", "rotor_friction", "tool_friction"):
         assert (one[name] != two[name]).all()
 

@@ -12,7 +12,7 @@ from catenary.gravity.torque import gravity_torque
 from catenary.plant import OperatingState
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, RockingBase
-from catenary.simulation.cable_parameters import varied
+from catenary.simulation.cable_parameters import varied_arm
 from catenary.simulation.cable_plant import _PAYLOAD_PLACE, _REPORTED_FIELDS, CablePlant
 from catenary.transmission.cable_elasticity import tensions_for, winding_of
 from oracles.cable_arms import ROBOTS, homed_plant, linear_arm, smooth_motion
@@ -75,7 +75,7 @@ def test_a_copy_ticks_for_itself():
 
 def test_parameters_that_are_replaced_are_those_of_the_next_tick():
     changed, fresh = homed_plant(), homed_plant()
-    changed.cable = varied(changed.arm, np.random.default_rng(2)).cable
+    changed.cable = varied_arm(changed.arm, np.random.default_rng(2)).cable
     assert settle(changed, 0.02).state != settle(fresh, 0.02).state
 
 

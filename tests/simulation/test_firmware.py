@@ -27,7 +27,7 @@ from catenary.simulation.firmware import (
     gravity_of,
     read_encoders,
     register,
-    weigh,
+    write_gravity_torque,
 )
 from catenary.simulation.records import OFF, POSITION, TORQUE
 from catenary.transmission.cable_elasticity import joint_forces, tensions_for
@@ -257,7 +257,7 @@ def test_its_torques_are_the_gradient_of_potential_energy_through_each_joints_ow
         q = rng.uniform([0.0, 0.8, 0.23], [1.57, 2.3, 0.56])
         grav_dir = rng.integers(-1500, 1500, 3).tolist()
         own.gravity, control.joint[:3] = gravity_of(grav_dir), q
-        weigh(firmware, model.tree, own, control)
+        write_gravity_torque(firmware, model.tree, own, control)
         gravity = frame_0 @ FRAME_0[name] @ grav_dir
         h = 1e-5
         slope = [

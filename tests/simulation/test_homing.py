@@ -177,7 +177,7 @@ def test_an_axis_that_meets_no_stop_ends_the_homing(monkeypatch):
     arm = load_cable_arm()
     arm.cable.stop_position[0] = -1e3
     plant = CablePlant(arm, substeps=1)
-    with pytest.raises(NotReadyError, match=r"shoulder.* met no stop in 12 s"):
+    with pytest.raises(NotReadyError, match=r"shoulder.* reached no stop in 12 s"):
         plant.home()
     plant.wait()
     assert plant.operating_state() == OperatingState("FAULT", is_homed=False, is_busy=False)

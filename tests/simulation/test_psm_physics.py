@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
 from catenary.simulation.base_motion import RockingBase
-from catenary.simulation.psm_controller import PsmState, PsmWork, load_psm, through, unstretched_motors
+from catenary.simulation.psm_controller import PsmState, PsmWork, apply_coupling, load_psm, unstretched_motors
 from oracles import psm_arms
 from oracles.tree_poses import potential_energy
 
@@ -27,7 +27,7 @@ def stepped(drive, state, torque, step, base=STILL):
 def test_discs_are_wound_as_the_user_guide_has_it():
     # joints of its matrix at discs: pitch 1.0186 d2, yaw -.8306 d2 + .6089 (d3 + d4), jaw 1.2177 (d4 - d3)
     q, wound = np.array([0.2, -0.3, 0.1, 0.5, -0.4, 0.3, 0.6]), np.empty(7)
-    through(q, DRIVE.coupling, wound, False)
+    apply_coupling(q, DRIVE.coupling, wound, False)
     second = q[4] / 1.0186
     both = (q[5] + 0.8306 * second) / 0.6089
     assert_allclose(wound[:3], q[:3])
@@ -70,7 +70,7 @@ def energy(drive, state):
     M[:3, :3] = mass_matrix(MODEL, q)[:3, :3] - np.diag((drive.ratio**2 * drive.rotor_inertia)[:3])
     M[3:, 3:] = np.diag(drive.tool_inertia)
     wound = np.empty(7)
-    through(q, drive.coupling, wound, False)
+    apply_coupling(q, drive.coupling, wound, False)
     stretch = rotor / (drive.ratio * (1.0 + drive.ratio_error)) - wound
     kinetic = 0.5 * qd @ M @ qd + 0.5 * drive.rotor_inertia @ rotor_velocity**2
     return kinetic + 0.5 * drive.stiffness @ stretch**2 + potential_energy(MODEL, q)

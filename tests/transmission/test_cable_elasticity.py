@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from catenary.transmission.cable_elasticity import (
-    LARGEST_LOSS,
-    SPREAD,
+    MAX_LOSS,
+    RANDOM_MODULUS,
     beyond_backlash,
     bouc_wen_step,
     loss_rate,
@@ -18,7 +18,7 @@ from catenary.transmission.cable_elasticity import (
     next_draw,
     set_rate,
     tension_of,
-    wandered,
+    wander_step,
 )
 
 STIFFNESS, SHARE, WIDTH, SLOW, BACKLASH = 300.0, 0.65, 4e-3, 0.1, 2e-3
@@ -102,7 +102,7 @@ def test_set_grows_with_tension_on_the_side_on_which_the_cable_is_laid(tension):
     assert_allclose(plus + minus, 1.0, atol=1e-9)
 
 
-@given(tensions, st.floats(0.0, 5.0), st.floats(0.0, LARGEST_LOSS))
+@given(tensions, st.floats(0.0, 5.0), st.floats(0.0, MAX_LOSS))
 def test_stiffness_is_lost_and_never_regained_and_nothing_happens_at_rest(tension, speed, loss):
     assert loss_rate(tension, 1.5, speed, loss, 1e-4) >= 0.0
     assert loss_rate(tension, 1.5, 0.0, loss, 1e-4) == set_rate(tension, 1.5, 1.0, 0.0, 0.0, 1e-3, 0.02) == 0.0
@@ -112,7 +112,7 @@ def test_loss_of_stiffness_ends_at_its_largest_share():
     loss = 0.0
     for _ in range(3000):
         loss += loss_rate(6.0, 1.5, 1.0, loss, 1e-3)
-    assert_allclose(loss, LARGEST_LOSS * (1.0 - np.exp(-4e-3 * 3000 / LARGEST_LOSS)), rtol=1e-6)
+    assert_allclose(loss, MAX_LOSS * (1.0 - np.exp(-4e-3 * 3000 / MAX_LOSS)), rtol=1e-6)
 
 
 def test_random_numbers_are_those_that_park_and_miller_published():
@@ -126,17 +126,19 @@ def test_random_numbers_are_those_that_park_and_miller_published():
 def test_set_wanders_by_travel_either_way_however_slowly(steps):
     way, wander, rng = 4.0, 1e-4, np.random.default_rng(steps)
     ends = []
-    for number in rng.integers(1, int(SPREAD), 1000):
+    for number in rng.integers(1, int(RANDOM_MODULUS), 1000):
         slack, drawn = 0.0, float(number)
         for _ in range(steps):
             drawn = next_draw(drawn)
-            slack = wandered(slack, drawn, way / steps, wander, 1.0)
+            slack = wander_step(slack, drawn, way / steps, wander, 1.0)
         ends.append(slack)
     assert_allclose(np.std(ends), wander * math.sqrt(way), rtol=0.1)  # of 1000 walks, 4 standard errors
     assert abs(np.mean(ends)) < 4.0 * wander * math.sqrt(way / 1000)
 
 
-@given(st.floats(-0.02, 0.02), st.integers(1, int(SPREAD) - 1), st.floats(-1e-3, 1e-3))
+@given(st.floats(-0.02, 0.02), st.integers(1, int(RANDOM_MODULUS) - 1), st.floats(-1e-3, 1e-3))
 def test_set_never_wanders_beyond_its_largest_value_and_stays_at_rest(slack, number, way):
-    assert abs(wandered(slack, float(number), way, 0.1, 0.02)) <= 0.02
-    assert wandered(slack, float(number), 0.0, 0.1, 0.02) == wandered(slack, float(number), way, 0.0, 0.02) == slack
+    assert abs(wander_step(slack, float(number), way, 0.1, 0.02)) <= 0.02
+    assert (
+        wander_step(slack, float(number), 0.0, 0.1, 0.02) == wander_step(slack, float(number), way, 0.0, 0.02) == slack
+    )

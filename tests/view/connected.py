@@ -9,7 +9,7 @@ from typing import Any, Self
 from catenary.robots.catalog import load_robot
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import arm_shapes
-from catenary.view.shown import Shown
+from catenary.view.shown import PageContent
 from catenary.view.simulated import driving_tabs
 from oracles.ideal_plant import IdealPlant
 from patience import PATIENCE
@@ -20,13 +20,13 @@ CAMERA = {  # a browser is one that looks once it has said where its camera stan
 }  # fmt: skip
 
 
-def shown_arm() -> Shown:
+def shown_arm() -> PageContent:
     """An arm with all kinds of controls."""
     model, plant = load_robot("raven2"), IdealPlant([0.8, 1.5, 0.4])
     tabs = driving_tabs(
         plant, plant.measured_js().q, motion="rest", controllers=("PD alone", "own"), has_cables=True, has_model=True
     )
-    return Shown("test", model, arm_shapes(model), tabs)
+    return PageContent("test", model, arm_shapes(model), tabs)
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import pytest
 
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import arm_shapes
-from catenary.view.shown import Change, Shown
+from catenary.view.shown import Change, PageContent
 from catenary.view.viser_page import gravity_html, joints_html, status_html
 from patience import until
 from view.arms import RAVEN, Q, state
@@ -38,7 +38,7 @@ VALUES = [
     ("motion", "explode", None),
     ("motion", "zig-zag", Change("motion", "zig-zag")),
     ("run level", "pause", Change("level", "pause")),
-    ("the loop goes by the model", "on", Change("model", True)),
+    ("use the model in the loop", "on", Change("model", True)),
 ]
 
 
@@ -63,7 +63,7 @@ def test_value_that_a_control_cannot_have_is_bounded_or_put_back_and_never_told(
 
 def test_joints_are_told_in_degrees_and_millimetres_with_their_interval() -> None:
     legend = {"reported": "reported", "calibrated": "calibrated"}
-    shown = Shown("x", RAVEN, arm_shapes(RAVEN), legend=legend)
+    shown = PageContent("x", RAVEN, arm_shapes(RAVEN), legend=legend)
     told = joints_html(shown, state(calibrated=Q, interval=np.full(3, 0.001), inside=np.array([True, True, False])))
     assert "400.00 \u00b1 1.00?" in told
     assert "40.11" in told  # 0.7 rad

@@ -1,1 +1,1 @@
-"""What touches what: distances between a robot's links, the floor and other things, along whole motions."""
+"""Collision checking: distances between a robot's links, the floor and obstacles, along whole motions."""

@@ -1,9 +1,9 @@
-"""A robot among obstacles: which pairs of bodies may meet, how far apart they are, and whether a motion keeps them so.
+"""Collision scene of a robot and obstacles: body pairs, distances, and continuous collision checking of motions.
 
-Balls about the bodies tell of most pairs that they are far apart; Coal measures the others. Two bodies that are d apart
-come no nearer than a margin m before their points have moved d - m against each other. So each pair is looked at again
-when that could be, at the highest speeds of the motion, and nothing is missed between two looks (conservative
-advancement: Mirtich 1996, "Impulse-based dynamic simulation of rigid body systems", section 2.3).
+Bounding spheres exclude most pairs; Coal computes the distances of the others. Two bodies at a distance d stay a margin
+m apart until their points have moved d - m relative to each other. So each pair is checked again when that is possible
+at the motion's highest speeds, and no collision is missed in between (conservative advancement: Mirtich 1996,
+"Impulse-based dynamic simulation of rigid body systems", section 2.3).
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,31 +27,31 @@ _MAX_TRIANGLES = 2_000_000
 
 @cache
 def _coal() -> Any:
-    why = "collisions are found by Coal, which is not installed (--no-collision-check continues without)"
+    why = "collision checking needs Coal, which is not installed (--no-collision-check continues without)"
     return imported("coal", why, "collision")
 
 
 @dataclass(frozen=True)
 class Body:
-    """A shape on a link, with a ball about it; a half-space has none: its plane is z = 0 of `pose`."""
+    """A shape on a link, with its bounding sphere; a half-space has none: its plane is z = 0 of `pose`."""
 
     name: str
-    link: int  # -1: the base; obstacles stand on it too
+    link: int  # -1: the base, also for obstacles
     pose: Pose  # in the link's frame
-    solid: Any  # Coal's convex form of it
-    surface: Any  # Coal's mesh of one that may not be convex; None of others
-    centre: Floats  # (3,) [m] of the ball, in the link's frame
-    radius: float  # [m] of the ball
+    solid: Any  # convex geometry of Coal
+    surface: Any  # Coal's mesh of a shape that may not be convex; None for others
+    centre: Floats  # (3,) [m] of the sphere, in the link's frame
+    radius: float  # [m] of the sphere
     is_obstacle: bool = False
 
     @property
     def is_plane(self) -> bool:
-        """Whether it is a half-space."""
+        """The body is a half-space."""
         return not np.isfinite(self.radius)
 
 
 def body_of(shape: Shape, *, obstacle: bool = False) -> Body:
-    """Return a shape as a body."""
+    """Create a body of a shape."""
     coal, form, (rotation, position) = _coal(), shape.form, shape.pose
     solid = surface = None
     if isinstance(form, HalfSpace):
@@ -100,21 +100,26 @@ def _request() -> tuple[Any, Any]:
 
 
 def distance(a: Any, at_a: Pose, b: Any, at_b: Pose) -> float:
-    """Return the distance of two of Coal's forms at their poses [m], negative where they overlap."""
+    """Return the distance [m] of two Coal geometries at their poses, negative if they overlap."""
     (request, result), coal = _request(), _coal()
     result.clear()
     return float(coal.distance(a, coal.Transform3s(*at_a), b, coal.Transform3s(*at_b), request, result))
 
 
 def floor_at(height: float) -> Shape:
-    """Return a floor: all that lies below a height [m] in the base frame."""
+    """Return a floor: the half-space below a height [m] in the base frame."""
     if not np.isfinite(height):
         raise InputError(f"floor: height {height}, expected a finite number of metres")
     return Shape("floor", -1, Pose(np.eye(3), np.array([0.0, 0.0, height])), HalfSpace())
 
 
 def box_at(number: int, numbers: Sequence[float]) -> Shape:
-    """Return a box: its centre x, y, z in the base frame and its edges along x, y, z [m]."""
+    """Return a box as an obstacle.
+
+    Args:
+        number: Of the box, for its name.
+        numbers: Centre x, y, z in the base frame and edge lengths along x, y, z [m].
+    """
     if len(numbers) != 6 or not np.isfinite(numbers).all():
         raise InputError(
             f"box {number}: expected six numbers, its centre x,y,z and its edges x,y,z in m, got {list(numbers)}"
@@ -125,7 +130,14 @@ def box_at(number: int, numbers: Sequence[float]) -> Shape:
 
 
 def mesh_at(path: Path, place: Sequence[float]) -> Shape:
-    """Return the mesh of a file whose origin stands at `place` (3,) [m] in the base frame, along its axes."""
+    """Return the mesh of a file as an obstacle.
+
+    Args:
+        place: Position x, y, z of its origin in the base frame [m]; its axes are those of the base.
+
+    Raises:
+        FileFormatError: There is no such file.
+    """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such mesh")
     if len(place) != 3 or not np.isfinite(place).all():
@@ -133,21 +145,21 @@ def mesh_at(path: Path, place: Sequence[float]) -> Shape:
     return Shape(path.name, -1, Pose(np.eye(3), np.array(place, dtype=float)), MeshFile(path))
 
 
-POSES = 60  # at which it is looked for pairs that always touch
-_LOOK_COUNT = 128  # along a motion: a pair is measured where balls about it let less time pass; the nearest is told
-_FINEST_M = 2e-5  # [m] closer to the margin than this counts as within it
+POSES = 60  # random poses for the detection of permanent contacts
+_LOOK_COUNT = 128  # time steps of a motion below which distances are computed; and samples for the smallest distance
+_FINEST_M = 2e-5  # [m] tolerance of the margin
 Names = tuple[str, str]
 
 
 class JointPath(Protocol):
-    """A motion that can be asked for any instant."""
+    """A motion with bounds on positions and speeds."""
 
     @property
     def duration(self) -> float:
         """[s]."""
 
     def extremes(self) -> tuple[Floats, Floats, Floats]:
-        """Return what positions and speeds do not exceed at any instant: lowest, highest, fastest, (n,) each."""
+        """Return bounds on positions and speeds over the motion: lowest, highest, fastest, (n,) each."""
 
     def sample(self, times: Floats) -> tuple[Floats, Floats, Floats]:
         """Return q, qd, qdd, each (N, n), at times (N,) [s]."""
@@ -155,32 +167,32 @@ class JointPath(Protocol):
 
 @dataclass(frozen=True)
 class Clearance:
-    """What is known of the distances along a motion."""
+    """Clearance along a motion."""
 
-    is_kept: bool  # the margin, at every instant
-    pair: Names  # closest to each other where looked at
-    time: float  # [s] when
-    distance: float  # [m] their distance then
-    instants: int  # that were looked at
+    is_kept: bool  # the margin holds at every instant
+    pair: Names  # closest pair, at the sampled instants
+    time: float  # [s] of the smallest distance
+    distance: float  # [m] smallest distance
+    instants: int  # number of checked instants
 
 
 @dataclass(frozen=True)
 class CollisionScene:
-    """A robot, what stands about it, and the pairs of bodies that must keep apart."""
+    """A robot, obstacles, and the pairs of bodies that must stay apart."""
 
     model: RobotModel
     bodies: tuple[Body, ...]
     pairs: NDArray[np.int64]  # (P, 2) indices of bodies
-    origin: str  # where the robot's shapes come from
-    assumed: bool
+    origin: str  # source of the robot's shapes
+    assumed: bool  # shapes are assumed from kinematics
 
     def names(self, pair: int) -> Names:
-        """Return what the two bodies of a pair are called."""
+        """Return the names of a pair's bodies."""
         first, second = (self.bodies[body].name for body in self.pairs[pair])
         return first, second
 
     def lower_bounds(self, placed: Configuration) -> Floats:
-        """Return distances (N, P) [m] that the pairs have at least, by the balls about them."""
+        """Return lower bounds (N, P) [m] of the pairs' distances, by bounding spheres."""
         links, centres, radii = self._balls
         R, p = placed.rotations[:, links], placed.positions[:, links]
         centres, (first, second) = np.einsum("nbij,bj->nbi", R, centres) + p, self.pairs.T
@@ -193,7 +205,7 @@ class CollisionScene:
         return np.asarray(apart)
 
     def distance(self, placed: Configuration, row: int, pair: int, enough: float = 0.0) -> float:
-        """Return a pair's distance [m], negative in overlap; beyond `enough` that of their convex hulls, never more."""
+        """Return a pair's distance [m], negative in overlap; beyond `enough` [m] only that of their convex hulls."""
         a, b = (self.bodies[body] for body in self.pairs[pair])
         poses = []
         for body in (a, b):
@@ -206,13 +218,13 @@ class CollisionScene:
 
     @cached_property
     def _balls(self) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Links, centres and radii of the balls about all bodies."""
+        """Links, centres and radii of the bounding spheres of all bodies."""
         links = np.array([body.link for body in self.bodies])
         return links, np.array([body.centre for body in self.bodies]), np.array([body.radius for body in self.bodies])
 
     @cached_property
     def reach(self) -> Floats:
-        """How fast a pair's distance changes at most: (P, n) [m/s] for one unit of each coordinate's speed."""
+        """Bounds on the rates of the pairs' distances (P, n) [m/s] per unit speed of each coordinate."""
         tree = np.array([self._reach_of(body) for body in self.bodies])  # (bodies, n_tree)
         first, second = self.pairs.T
         moves_one_alone = (tree[first] > 0.0) != (tree[second] > 0.0)
@@ -232,34 +244,34 @@ class CollisionScene:
 
     @cached_property
     def _travel(self) -> Floats:
-        """How far each sliding tree joint is from its zero at most (n_tree,) [m]; zero of turning ones."""
+        """Largest displacement of each prismatic tree joint (n_tree,) [m]; zero for revolute ones."""
         farthest = np.maximum(np.abs(self.model.lower), np.abs(self.model.upper))
         used = self.model.coupling != 0.0
         parts = np.abs(self.model.coupling) * np.where(used, farthest, 0.0)
         return np.where(self.model.tree.prismatic, parts.sum(axis=1) + np.abs(self.model.offset), 0.0)
 
     def _within(self, q: Floats, margin: float) -> Iterator[tuple[int, int]]:
-        """Yield configurations of (N, n), and pairs, that are closer than a margin [m]; the likeliest come first."""
+        """Yield indices of configurations (N, n) and pairs that are closer than a margin [m], the likeliest first."""
         placed = Configuration(self.model, q)
         known = self.lower_bounds(placed)
-        doubtful = np.argwhere(known < margin)
-        for row, pair in doubtful[np.argsort(known[doubtful[:, 0], doubtful[:, 1]])].tolist():
+        close = np.argwhere(known < margin)
+        for row, pair in close[np.argsort(known[close[:, 0], close[:, 1]])].tolist():
             if self.distance(placed, row, pair, margin) < margin:
                 yield row, pair
 
     def touching(self, q: Floats, margin: float) -> NDArray[np.bool_]:
-        """Return which pairs (N, P) are closer than a margin [m] at configurations (N, n)."""
+        """Return a mask (N, P) of the pairs closer than a margin [m] at configurations (N, n)."""
         close = np.zeros((len(q), len(self.pairs)), dtype=bool)
         for row, pair in self._within(q, margin):
             close[row, pair] = True
         return close
 
     def keeps_apart(self, q: Floats, margin: float) -> bool:
-        """Return whether no pair is closer than a margin [m] at any of configurations (N, n)."""
+        """Return true if all pairs are at least a margin [m] apart at all configurations (N, n)."""
         return next(self._within(q, margin), None) is None
 
     def without_constant_contacts(self, q: Floats, margin: float) -> "tuple[CollisionScene, tuple[Names, ...]]":
-        """Return the scene without the pairs of links within the margin at all configurations (N, n), and these."""
+        """Return the scene without pairs of links within the margin at all configurations (N, n), and their names."""
         always = self.touching(q, margin).all(axis=0)
         always &= ~np.array([any(self.bodies[b].is_obstacle for b in pair) for pair in self.pairs])
         if always.all():
@@ -271,11 +283,11 @@ class CollisionScene:
         return replace(self, pairs=self.pairs[~always]), names
 
     def clearance(self, path: JointPath, margin: float) -> Clearance:
-        """Return whether all pairs stay farther apart than a margin [m] at every instant of a motion."""
+        """Check that all pairs stay a margin [m] apart at every instant of a motion, and return the clearance."""
         speeds = np.maximum(self.reach @ path.extremes()[2], 1e-12)
         if not np.isfinite(speeds).all():
-            raise InputError(f'robot "{self.model.name}": a sliding joint has no limits, so that nothing bounds speeds')
-        until, time, instants = np.zeros(len(speeds)), 0.0, 0  # [s] when each pair may be within the margin
+            raise InputError(f'robot "{self.model.name}": a prismatic joint has no limits, so speeds are unbounded')
+        until, time, instants = np.zeros(len(speeds)), 0.0, 0  # [s] until which pairs are proven collision-free
         while (time := float(until.min())) < path.duration:
             instants += 1
             placed = Configuration(self.model, path.sample(np.array([time]))[0])
@@ -288,7 +300,7 @@ class CollisionScene:
         return self._nearest(path, instants)
 
     def _nearest(self, path: JointPath, instants: int) -> Clearance:
-        """Return the smallest distance of a motion at some instants."""
+        """Return the smallest distance along a motion, at `_LOOK_COUNT` samples."""
         times = np.linspace(0.0, path.duration, _LOOK_COUNT + 1)
         placed = Configuration(self.model, path.sample(times)[0])
         known = self.lower_bounds(placed)
@@ -305,10 +317,18 @@ class CollisionScene:
 def scene_of(
     model: RobotModel, geometry: Geometry, obstacles: Sequence[Shape] = (), *, ignored: Sequence[Names] = ()
 ) -> CollisionScene:
-    """Return a robot among obstacles in the base frame, with all pairs of its bodies that are not neighbours.
+    """Create a collision scene of all pairs of bodies that are not neighbours.
 
-    Neighbours are bodies of one link, and of a link and its carrier, past links without a shape. The base is not
-    compared with obstacles; `ignored` are pairs of names that may touch.
+    Neighbours are bodies of one link, and of a link and its parent, skipping links without a shape. The base is not
+    checked against obstacles.
+
+    Args:
+        geometry: Shapes of its links.
+        obstacles: Shapes in the base frame.
+        ignored: Pairs of names that may touch.
+
+    Raises:
+        InputError: An unknown name, or no pair to check.
     """
     bodies = [body_of(shape) for shape in geometry.shapes]
     shaped = {body.link for body in bodies}
@@ -332,7 +352,7 @@ def scene_of(
 
 
 def _is_kept_together(model: RobotModel, a: Body, b: Body, shaped: set[int]) -> bool:
-    """Return whether two bodies cannot move against each other, or meet in a joint."""
+    """Return true for two bodies without relative motion, or connected by a joint."""
     if a.link == b.link:
         return True  # obstacles and the base among them
     if a.is_obstacle or b.is_obstacle:
@@ -341,7 +361,7 @@ def _is_kept_together(model: RobotModel, a: Body, b: Body, shaped: set[int]) -> 
 
 
 def _carrier(model: RobotModel, link: int, shaped: set[int]) -> int | None:
-    """Return the next link towards the base that has a shape; None of the base itself."""
+    """Return the next link towards the base that has a shape; None for the base itself."""
     if link < 0:
         return None
     link = int(model.tree.parent[link])

@@ -1,1 +1,1 @@
-"""Drivers of boards on a serial line."""
+"""Drivers of serial sensor boards: accelerometers, joint encoders."""

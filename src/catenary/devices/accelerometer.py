@@ -1,4 +1,4 @@
-"""An accelerometer board on a serial line, read by a thread of its own into a mailbox: lines, clock, samples.
+"""Driver of a serial accelerometer or IMU board: line protocol, clock synchronisation, samples to a mailbox.
 
 The line protocol, one checksummed ASCII line a sample, is described in docs/devices.md.
 """
@@ -24,7 +24,7 @@ _VERSION = 1
 
 
 class Hello(NamedTuple):
-    """A board's description of itself, sent when asked and once a second."""
+    """Self-description of a board, sent on request and once a second."""
 
     sensor: str
     acceleration_unit: str  # a key of ACCELERATION_UNITS
@@ -42,19 +42,24 @@ class Hello(NamedTuple):
 class BoardSample(NamedTuple):
     """One line of measurements, in the units of the hello."""
 
-    number: int  # of samples, modulo 2^16
+    number: int  # sample counter, modulo 2^16
     micros: int  # [us] of the board's clock, modulo 2^32
     acceleration: tuple[float, float, float]  # specific force: upwards at rest
     rate: tuple[float, float, float] | None
 
 
 def checksum(body: str) -> str:
-    """Return the exclusive or of all characters between $ and *, as NMEA 0183 has it: two hexadecimal digits."""
+    """Return the XOR of all characters between $ and * as two hexadecimal digits, as in NMEA 0183."""
     return f"{reduce(xor, map(ord, body), 0):02X}"
 
 
 def parse_line(line: str) -> Hello | BoardSample:
-    """Read a line without its end."""
+    """Parse a line without its end.
+
+    Raises:
+        ChecksumError: The line is damaged.
+        InputError: The checksum is right, the content is not.
+    """
     if not line.startswith("$") or line[-3:-2] != "*":
         raise ChecksumError(f"not a line of the protocol: {line[:40]!r}")
     body = line[1:-3]
@@ -76,7 +81,7 @@ def parse_line(line: str) -> Hello | BoardSample:
 
 
 class ChecksumError(InputError):
-    """A line was damaged on its way: noise, a lost byte, another speed."""
+    """A line was damaged: noise, a lost byte, or another baud rate."""
 
 
 def _hello(fields: list[str]) -> Hello:
@@ -92,27 +97,27 @@ def _hello(fields: list[str]) -> Hello:
     return hello
 
 
-_WRAP_US = 2**32  # [us] at which a board's clock begins anew: every 71.6 minutes
-_CLOCK_DRIFT = 0.01  # by which the clocks may run apart; ceramic resonators are good to 0.005
-_RESTART_LEAP_S = 10.0  # [s] of a leap that means that the board was restarted
+_WRAP_US = 2**32  # [us] period of a board's clock: 71.6 minutes
+_CLOCK_DRIFT = 0.01  # largest relative drift; ceramic resonators are accurate to 0.005
+_RESTART_LEAP_S = 10.0  # [s] least jump that shows a restart of the board
 
 
 class BoardClock:
-    """Turns a board's microseconds into the host's seconds.
+    """Convert a board's microseconds to the host's seconds.
 
-    A sample never arrives before it was taken, and now and then with hardly any delay: the smallest difference
-    between arrival and board time is the offset of the clocks. It may grow by one percent, so that a slow board is
-    followed too. What is left is the smallest delay of the line, a millisecond or two over USB, and constant.
+    The offset of the clocks is the smallest difference between arrival and board time, since the delay of some samples
+    is near the minimum. It may grow by one percent, to follow a slow board. The remaining error is the smallest delay
+    of the line, constant and one or two milliseconds over USB.
     """
 
     def __init__(self) -> None:
         self._last: int | None = None
-        self._elapsed = 0.0  # [s] on the board's clock since it was first heard
+        self._elapsed = 0.0  # [s] on the board's clock since its first line
         self._offset = 0.0
         self.restarts = 0
 
     def stamp(self, micros: int, arrival: float) -> float:
-        """Return a sample's time [s] on the host's clock, from the board's [us], modulo 2^32, and its arrival [s]."""
+        """Return a sample's time [s] on the host's clock from the board's [us], modulo 2^32, and the arrival [s]."""
         step = 0.0 if self._last is None else (micros - self._last) % _WRAP_US * 1e-6
         if self._last is None or step > _RESTART_LEAP_S:  # back, or far ahead
             self.restarts += self._last is not None
@@ -124,40 +129,45 @@ class BoardClock:
         return self._offset + self._elapsed
 
 
-_ASK = b"?\n"  # the board answers with a hello
+_ASK = b"?\n"  # requests a hello
 
 
 @dataclass
 class LinkCounts:
-    """Counts of what came over the line since it was opened."""
+    """Statistics of a line since it was opened."""
 
     samples: int = 0
-    damaged: int = 0  # lines that failed the checksum, or were noise
+    damaged: int = 0  # lines with a wrong checksum, and noise
     malformed: int = 0  # right checksum, wrong content
-    missing: int = 0  # samples that the board counted and that never came
-    repeated: int = 0  # samples that came again, left out
-    before_hello: int = 0  # samples whose unit was not known yet, left out
+    missing: int = 0  # gaps in the sample counter
+    repeated: int = 0  # repeated samples, discarded
+    before_hello: int = 0  # samples of unknown unit, discarded
     unplugged: int = 0
     restarts: int = 0  # of the board
 
 
 class SerialAccelerometer(SerialBoard):
-    """Reads a board and puts its samples into a mailbox, in m/s2 and rad/s, stamped on the host's clock.
+    """Read a board in a thread and deliver its samples to a mailbox, in m/s2 and rad/s.
 
-    Stamps are on `clock`, which must be the one that the robot's JointState.time is on.
+    Args:
+        port: Serial port, such as /dev/ttyUSB0.
+        clock: Clock of the stamps [s], the same as that of JointState.time.
+
+    Raises:
+        SensorError: The port cannot be opened.
     """
 
     def __init__(self, port: str, mailbox: Mailbox, *, clock: Callable[[], float] = time.monotonic) -> None:
         self.mailbox, self.counts = mailbox, LinkCounts()
         self.hello: Hello | None = None
-        self.complaint = ""  # why the last malformed line was refused
+        self.complaint = ""  # error of the last malformed line
         self._board_clock = BoardClock()
         self._last_number: int | None = None
         self._greeted = threading.Event()
         super().__init__(port, clock=clock, ask=_ASK)
 
     def wait_ready(self, timeout: float = 5.0) -> Hello:
-        """Wait for the board's hello and return it; an Arduino restarts when its port is opened, and takes 2 s."""
+        """Wait for the board's hello and return it; an Arduino restarts when its port is opened, which takes 2 s."""
         if not self._greeted.wait(timeout) or self.hello is None:
             c = self.counts
             raise SensorError(
@@ -168,14 +178,14 @@ class SerialAccelerometer(SerialBoard):
         return self.hello
 
     def with_ranges(self, mounting: Mounting) -> Mounting:
-        """Return the mounting with the board's ranges where it states none."""
+        """Return the mounting with the board's ranges in place of infinite ones."""
         hello = self.wait_ready(0.0)
         ends = {
             "acceleration_range": hello.acceleration_range * ACCELERATION_UNITS[hello.acceleration_unit],
             "rate_range": hello.rate_range * RATE_UNITS[hello.rate_unit],  # 0 for none
         }
-        unsaid: dict[str, Any] = {k: end for k, end in ends.items() if end > 0.0 and math.isinf(getattr(mounting, k))}
-        return replace(mounting, sensor=mounting.sensor or hello.sensor, **unsaid)
+        missing: dict[str, Any] = {k: end for k, end in ends.items() if end > 0.0 and math.isinf(getattr(mounting, k))}
+        return replace(mounting, sensor=mounting.sensor or hello.sensor, **missing)
 
     def _on_plug(self, *, is_there: bool) -> None:
         self.counts.unplugged += not is_there
@@ -204,7 +214,7 @@ class SerialAccelerometer(SerialBoard):
             if step == 0:
                 counts.repeated += 1
                 return
-            if step < 2**15:  # else the board began anew
+            if step < 2**15:  # otherwise the board restarted
                 counts.missing += step - 1
         self._last_number = sample.number
         stamp = self._board_clock.stamp(sample.micros, arrival)
@@ -214,7 +224,7 @@ class SerialAccelerometer(SerialBoard):
             return
         counts.samples += 1
         force = np.array(sample.acceleration) * ACCELERATION_UNITS[self.hello.acceleration_unit]
-        # rates first: when gravity is looked at, how the base turned meanwhile is known
+        # rates first, so that the rotation of the base is known when gravity is filtered
         if sample.rate is not None and self.hello.has_gyroscope:
             self.mailbox.put(stamp, np.array(sample.rate) * RATE_UNITS[self.hello.rate_unit], Kind.ANGULAR_RATE)
         self.mailbox.put(stamp, force, Kind.SPECIFIC_FORCE)

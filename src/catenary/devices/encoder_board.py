@@ -1,10 +1,8 @@
-"""The board of the encoders at the joints, on a serial line: counts in, joint positions out, once registered.
+"""Driver of a serial board with external joint encoders: counter overflow, outliers, registration, joint positions.
 
-Its lines are read, its counters' ends crossed, and rows that cannot be true left out.
-
-Zero is found while the robot homes, which runs each joint into its stop, by the rule of the RAVEN-II's calibration rig
-[raven2_CRTK_Python_controller]: the mean of the counts within a window of the farthest ones. The rig gives its joints
-60 s from when it is started; here the robot's state says when it homes.
+The encoders are registered while the robot homes, which moves each joint against its stop, by the rule of the
+RAVEN-II's calibration rig [raven2_CRTK_Python_controller]: zero is the mean of the counts within a window of the
+farthest ones. The rig allows 60 s from its start; here the robot's state shows when it homes.
 """
 
 import math
@@ -24,29 +22,28 @@ from catenary.devices.serial_board import SerialBoard
 from catenary.errors import InputError, SensorError
 
 _BITS = (16, 24, 32)
-JOINTS = ("shoulder", "elbow", "insertion")
+_JOINTS = ("shoulder", "elbow", "insertion")
 
 
 @dataclass(frozen=True)
 class EncoderRig:
-    """Three encoders beside the arm's positioning joints: shoulder and elbow [rad], insertion [m].
+    """External encoders of the RAVEN-II's positioning joints: shoulder and elbow [rad], insertion [m].
 
-    They are those of the calibration rig [raven2_CRTK_Python_controller]: 80,000 counts a turn, 5 um a count; its
-    zero is the mean of the counts within a window of the farthest ones seen at the stops, and there it calls the
-    joints 0, 130 deg and 0.572467 m. The robot calls the same stops 0, 137.5 deg, 0.562 m.
+    Constants of the calibration rig [raven2_CRTK_Python_controller]: 80,000 counts a turn, 5 um a count; zero is the
+    mean of the counts within a window of the farthest ones at the stops, whose positions are 0, 130 deg and
+    0.572467 m. The robot's software assigns 0, 137.5 deg, 0.562 m to the same stops.
     """
 
-    counts: ClassVar[Floats] = frozen(
-        np.array([80_000 / (2.0 * np.pi), 80_000 / (2.0 * np.pi), 1.0 / 5e-6])
-    )  # per rad, rad, m
+    # per rad, rad, m
+    counts: ClassVar[Floats] = frozen(np.array([80_000 / (2.0 * np.pi), 80_000 / (2.0 * np.pi), 1.0 / 5e-6]))
     stop: ClassVar[Floats] = frozen(np.array([0.0, np.deg2rad(130.0), 0.572467]))  # [rad, rad, m]
-    side: ClassVar[Floats] = frozen(np.array([-1.0, 1.0, 1.0]))  # on which the stop lies: -1 below, 1 above
+    side: ClassVar[Floats] = frozen(np.array([-1.0, 1.0, 1.0]))  # of the stop: -1 below, 1 above
     window: ClassVar[Floats] = frozen(np.array([50.0, 20.0, 20.0]))  # counts
-    # [rad/s, rad/s, m/s] twice what the robot's software lets through (2.5 rad/s); five times the homing's fastest
-    # insertion (0.1 m/s)
+    # [rad/s, rad/s, m/s] twice the limit of the robot's software (2.5 rad/s); five times the fastest insertion in
+    # homing (0.1 m/s)
     max_speed: ClassVar[Floats] = frozen(np.array([5.0, 5.0, 0.5]))
-    direction: Floats = field(default_factory=lambda: np.ones(3))  # -1: counts against its joint
-    bits: int = 32  # of the board's counters; beyond their end they begin at the other
+    direction: Floats = field(default_factory=lambda: np.ones(3))  # (3,) 1 or -1: sign of counts per joint motion
+    bits: int = 32  # of the board's counters, which wrap around: 16, 24 or 32
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "direction", frozen(as_array("encoder rig direction", self.direction, (3,))))
@@ -56,55 +53,55 @@ class EncoderRig:
             raise InputError(f"encoder rig bits: expected one of {_BITS}, got {self.bits}")
 
     def positions(self, counts: Floats, zero: Floats) -> Floats:
-        """Return joint positions (..., 3) [rad, rad, m] of counts (..., 3); `zero` (3,) are those at the stops."""
+        """Return joint positions (..., 3) [rad, rad, m] of counts (..., 3); `zero` (3,) are the counts at the stops."""
         return self.stop + (counts - zero) / self.counts
 
 
-# [rad, rad, m] that a joint must come towards its stop; one that goes as far past it shows that it was none
+# [rad, rad, m] least travel towards a stop; travel beyond it by as much shows that it was no stop
 _LEAST_TRAVEL = (np.deg2rad(1.0), np.deg2rad(1.0), 0.002)
 
 
 class Registration:
-    """Finds the counts at the stops among those that come while the robot homes, by its own word (`tell`).
+    """Determine the counts at the stops while the robot homes, by its reported state.
 
-    A joint that later goes past its stop shows that it was none, and the registration is void.
+    A joint that later passes its stop invalidates the registration.
     """
 
     def __init__(self, rig: EncoderRig) -> None:
         self._rig = rig
         self.zero: Floats | None = None  # (3,) counts at the stops
-        self.reason = "not registered: home the robot"  # why there is none
-        self.is_watching = False  # the robot homes
+        self.reason = "not registered: home the robot"  # empty once registered
+        self.is_watching = False  # the robot is homing
         self._travel = np.array(_LEAST_TRAVEL) * rig.counts
         self._seen: list[Floats] = []
 
     def lose(self, reason: str) -> None:
-        """Forget the zero: counts were lost."""
+        """Invalidate the registration: counts were lost."""
         self.zero, self.reason = None, f"{reason}; not registered: home the robot again"
         self._seen.clear()
 
-    def tell(self, homing: bool, homed: bool) -> None:
-        """Take the robot's operating state: whether it homes now, and whether it is homed."""
+    def set_robot_state(self, homing: bool, homed: bool) -> None:
+        """Update by the robot's operating state: register at the end of homing."""
         was, self.is_watching = self.is_watching, homing
         if homing and not was:
-            self.zero, self.reason = None, "not registered: the robot homes"
+            self.zero, self.reason = None, "not registered: the robot is homing"
             self._seen.clear()
         elif was and not homing:
             self._register(homed)
             self._seen.clear()
 
     def update(self, counts: Floats) -> None:
-        """Take a good row of counts (3,)."""
+        """Add a valid row of counts (3,)."""
         if self.zero is not None:
             past = (counts - self.zero) * self._rig.side > self._travel
             if past.any():
-                which = ", ".join(name for name, is_past in zip(JOINTS, past, strict=True) if is_past)
-                self.lose(f"{which} went past what was taken for the stop")
+                which = ", ".join(name for name, is_past in zip(_JOINTS, past, strict=True) if is_past)
+                self.lose(f"{which} moved beyond the registered stop")
         elif self.is_watching:
             self._seen.append(counts)
 
     def _register(self, homed: bool) -> None:
-        """Take the mean of the counts within a window of the farthest for zero."""
+        """Set zero to the mean of the counts within a window of the farthest."""
         toward = np.array(self._seen).reshape(-1, 3) * self._rig.side
         travelled = len(toward) and (toward.max(axis=0) - toward[0] > self._travel).any()
         if not (homed and travelled):
@@ -116,18 +113,17 @@ class Registration:
         self.reason = ""
 
 
-# [s] by which a line may be late; Linux's serial drivers gather what USB brings for 16 ms
-_LATENESS_S = 0.02
-_FLICKER_COUNTS = 2  # counts by which an encoder flickers
-_CONFIRMING_ROWS = 5  # rows in a row that go on from one that leapt, before it is taken for the truth
+_LATENESS_S = 0.02  # [s] delay of a line; Linux's serial drivers buffer USB data for 16 ms
+_FLICKER_COUNTS = 2  # jitter of an encoder at rest
+_CONFIRMING_ROWS = 5  # consistent rows after a jump before it is accepted
 _SILENCE_S = 1.0  # [s] after which the board may have been restarted: an Arduino takes that long
-_NEAR_ZERO_COUNTS, _RESTART_COUNTS = 20, 2000  # counts: all at zero at once, from afar, is a board that began anew
+_NEAR_ZERO_COUNTS, _RESTART_COUNTS = 20, 2000  # a jump of all counters to zero is a restart of the board
 Raw = tuple[int, int, int]
 _LINE = re.compile(r"(-?\d{1,10})_(-?\d{1,10})_(-?\d{1,10})", re.ASCII)
 
 
 def parse_counts(line: str, bits: int = 32) -> Raw:
-    """Read `a_b_c`, three signed counts of so many bits."""
+    """Parse a line `a_b_c`, three signed counts of a number of bits."""
     match = _LINE.fullmatch(line)
     if match is None:
         raise InputError(f"encoder line {line[:40]!r}: expected three signed counts a_b_c")
@@ -139,27 +135,26 @@ def parse_counts(line: str, bits: int = 32) -> Raw:
 
 
 class Verdict(Enum):
-    """Judgement of a row of counts."""
+    """Validity of a row of counts."""
 
     GOOD = "good"
-    REJECTED = "rejected"  # no joint moves so far in the time: left out
-    LOST = "lost"  # counts were lost: rows go on, but from an unknown place
+    REJECTED = "rejected"  # faster than a joint can move: discarded
+    LOST = "lost"  # counts were lost: rows continue from an unknown position
 
 
 class Tracked(NamedTuple):
-    """A row, judged."""
+    """A row of counts with its verdict."""
 
     verdict: Verdict
-    counts: Floats  # (3,) in the joints' direction, without ends; the last good ones of a rejected row
-    reason: str  # of a verdict that is not good
+    counts: Floats  # (3,) unwrapped, in the joints' direction; the last good ones if rejected
+    reason: str  # empty for a good row
 
 
 class CountTracker:
-    """Follows three counters over their ends, and refuses what no joint can do.
+    """Unwrap three counters, and reject rows that no joint motion explains.
 
-    A row farther from the last good one than the joints move in the time is left out. When the rows after it go on
-    from there instead of coming back, counts were lost: by the cable, by speed, or by the board starting anew. What
-    the joints did meanwhile is then unknown.
+    A row farther from the last good one than the joints can move is rejected. If later rows agree with it, counts were
+    lost: by the cable, by speed, or by a restart of the board; the motion meanwhile is unknown.
     """
 
     def __init__(self, rig: EncoderRig) -> None:
@@ -169,27 +164,27 @@ class CountTracker:
         self._counts = np.zeros(3)
         self._raw: Raw | None = None  # of the last good row
         self._time = -math.inf
-        self._candidate: tuple[Raw, float, int] | None = None  # raw, time, rows that agree
+        self._candidate: tuple[Raw, float, int] | None = None  # rejected row, its time, rows that agree with it
 
     def restart(self) -> None:
-        """Forget where the counters were: the board was unplugged."""
+        """Discard the counters' state: the board was unplugged."""
         self._raw, self._candidate = None, None
 
     def update(self, raw: Raw, time: float, *, period: float = _LATENESS_S) -> Tracked:
-        """Judge a row that came at a time [s]; `period` is the time between two [s]."""
+        """Check a row that arrived at a time [s]; `period` is the interval of rows [s]."""
         late = max(_LATENESS_S, period)
         if self._raw is None:
             return self._go_on(raw, time)
         gap, step = max(0.0, time - self._time), self._step(self._raw, raw)
         if gap > _SILENCE_S:
-            return self._go_on(raw, time, f"nothing came for {gap:.1f} s: the board may have started anew")
+            return self._go_on(raw, time, f"no counts for {gap:.1f} s: the board may have restarted")
         leap = np.abs(np.subtract(raw, self._raw)).max()
         if max(map(abs, raw)) <= _NEAR_ZERO_COUNTS and leap > _RESTART_COUNTS:
-            return self._go_on(raw, time, "all counts are zero at once: the board started anew")
+            return self._go_on(raw, time, "all counts jumped to zero: the board restarted")
         if ((gap + late) * self._speed > self._range / 2).any():
-            return self._go_on(raw, time, f"nothing came for {gap:.2f} s, too long for {self._rig.bits} bits")
-        # shares of what joints move since the last good row, and since the rejected one: where there is one not of
-        # all that passed since the good one, or any leap would fit after a while
+            return self._go_on(raw, time, f"no counts for {gap:.2f} s, too long for {self._rig.bits} bits")
+        # motion relative to the largest possible since the last good row and since the rejected one; the time since a
+        # rejected row limits both, otherwise any jump would be possible after a while
         follow, agree = np.full(3, np.inf), 0
         if self._candidate is not None:
             other, since, agree = self._candidate
@@ -201,49 +196,49 @@ class CountTracker:
             return self._go_on(raw, time, step=step)
         agree = agree + 1 if follow.max() <= 1.0 else 1
         far = np.abs(step) > late * self._speed
-        leaps = [f"{name} by {step[j]:+.0f} counts" for j, name in enumerate(JOINTS) if far[j] or not far.any()]
-        reason = f"leapt beyond what a joint moves in the time: {', '.join(leaps)}"
+        leaps = [f"{name} by {step[j]:+.0f} counts" for j, name in enumerate(_JOINTS) if far[j] or not far.any()]
+        reason = f"jumped farther than a joint can move: {', '.join(leaps)}"
         if agree >= _CONFIRMING_ROWS:
             return self._go_on(raw, time, reason)
         self._candidate = raw, time, agree
         return Tracked(Verdict.REJECTED, self._counts, reason)
 
     def _step(self, before: Raw, after: Raw) -> Floats:
-        """Return counts from one row to another, the short way round, in the joints' direction."""
+        """Return the shortest step between two rows, modulo the counters' range, in the joints' direction."""
         half = self._range // 2
         short = [(b - a + half) % self._range - half for a, b in zip(before, after, strict=True)]
         return self._rig.direction * np.array(short, dtype=float)
 
     def _go_on(self, raw: Raw, time: float, loss: str = "", step: Floats | None = None) -> Tracked:
-        """Take a row by its step from the one before, or as it is: the first one, or one after a loss."""
+        """Accept a row by its step from the last one, or its raw counts at the start and after a loss."""
         counts = self._rig.direction * np.array(raw, dtype=float) if step is None else self._counts + step
         self._counts, self._raw, self._time, self._candidate = frozen(counts), raw, time, None
         return Tracked(Verdict.LOST if loss else Verdict.GOOD, self._counts, loss)
 
 
-_QUEUE_ROWS = 4096  # samples that wait to be taken: 40 s at 100 Hz
-_STALE_AFTER_S = 0.2  # [s] without a good row after which positions are no longer valid
+_QUEUE_ROWS = 4096  # capacity for samples: 40 s at 100 Hz
+_STALE_AFTER_S = 0.2  # [s] without a good row after which positions are invalid
 _UNKNOWN = frozen(np.full(3, np.nan))
 
 
 @dataclass
 class EncoderTally:
-    """Counts of what came over the line since it was opened."""
+    """Statistics of a line since it was opened."""
 
     rows: int = 0  # good ones
-    malformed: int = 0  # lines that are none: noise, cut ones
-    cut: int = 0  # first lines after the port was opened, which begin anywhere, left out
-    rejected: int = 0  # rows that no joint could reach in the time
-    losses: int = 0  # times that counts were lost
+    malformed: int = 0  # noise and truncated lines
+    cut: int = 0  # first lines after opening the port, possibly truncated, discarded
+    rejected: int = 0  # rows faster than a joint can move
+    losses: int = 0  # of counts
     unplugged: int = 0
-    dropped: int = 0  # samples that nobody took
+    dropped: int = 0  # samples lost by overflow of the queue
 
 
 class EncoderSample(NamedTuple):
     """One good row."""
 
     time: float  # [s] on the driver's clock
-    counts: Floats  # (3,) in the joints' direction, without the counters' ends
+    counts: Floats  # (3,) unwrapped, in the joints' direction
     q_encoder: Floats  # (3,) [rad, rad, m]; NaN while not registered
     is_valid: bool
 
@@ -251,66 +246,75 @@ class EncoderSample(NamedTuple):
 class EncoderReading(NamedTuple):
     """State of the board, and its newest positions."""
 
-    counts: Floats  # (3,) the last good ones; NaN before any
-    q_encoder: Floats  # (3,) [rad, rad, m]; NaN while they are not valid
+    counts: Floats  # (3,) the last good ones; NaN before the first
+    q_encoder: Floats  # (3,) [rad, rad, m]; NaN while invalid
     is_valid: bool  # registered, connected and fresh
-    age: float  # [s] of the last good row; inf before any
-    reason: str  # why positions are not valid
+    age: float  # [s] of the last good row; inf before the first
+    reason: str  # of invalid positions; empty if valid
     rate_hz: float  # of good rows
     is_connected: bool
     is_registered: bool
-    is_watching: bool  # for the stops
-    complaint: str  # why the last line or row was left out
+    is_watching: bool  # registration is in progress
+    complaint: str  # error of the last discarded line or row
     tally: dict[str, int]
 
 
 class EncoderBoard(SerialBoard):
-    """Reads a board and registers it while the robot homes.
+    """Read a board of encoders, and register it while the robot homes.
 
-    Positions are valid once registered against the joints' stops. Unplugging loses the counts, and with them the
-    registration: the robot must be homed again.
+    Positions are valid once registered at the joints' stops. Unplugging loses the counts and the registration: the
+    robot must be homed again.
     """
 
     def __init__(
         self, port: str, rig: EncoderRig | None = None, *, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Open the port and begin to read, with the calibration rig when None, on a clock [s] that never goes back."""
+        """Open the port and start reading.
+
+        Args:
+            port: Serial port, such as /dev/ttyACM0.
+            rig: Encoders; the calibration rig when None.
+            clock: Monotonic clock of the samples [s].
+
+        Raises:
+            SensorError: The port cannot be opened.
+        """
         self.rig = EncoderRig() if rig is None else rig
         self.tally = EncoderTally()
         self.complaint = ""
         self._tracker, self._registration = CountTracker(self.rig), Registration(self.rig)
         self._samples: deque[EncoderSample] = deque(maxlen=_QUEUE_ROWS)
         self._last: EncoderSample | None = None
-        self._period = math.nan  # [s] between rows, as they come
-        self._fresh = True  # the next line is the first since the port was opened
+        self._period = math.nan  # [s] mean interval of rows
+        self._fresh = True  # the next line is the first after opening the port
         self._lock = threading.Lock()
         super().__init__(port, clock=clock)
 
     def now(self) -> float:
-        """Return the time [s] on the clock that samples are stamped with."""
+        """Return the time [s] on the samples' clock."""
         return self._clock()
 
-    def tell(self, *, is_busy: bool, is_homed: bool) -> None:
-        """Take the robot's operating state: it homes while it is busy and not homed."""
+    def set_robot_state(self, *, is_busy: bool, is_homed: bool) -> None:
+        """Update by the robot's operating state: it homes while it is busy and not homed."""
         with self._lock:
-            self._registration.tell(is_busy and not is_homed, is_homed)
+            self._registration.set_robot_state(is_busy and not is_homed, is_homed)
 
     def take(self) -> list[EncoderSample]:
-        """Take out and return the good rows since the last call, oldest first."""
+        """Remove and return the good rows since the last call, oldest first."""
         with self._lock:
             taken = list(self._samples)
             self._samples.clear()
         return taken
 
     def wait_ready(self, timeout: float = 5.0) -> None:
-        """Wait for the first good row; a microcontroller restarts when its port is opened, and takes 2 s."""
+        """Wait for the first good row; a microcontroller restarts when its port is opened, which takes 2 s."""
         end = time.monotonic() + timeout
         while self._last is None:
             if time.monotonic() > end:
                 raise SensorError(
                     f"{self.port}: no row of counts within {timeout:g} s: {self.tally.malformed} other lines"
                     + (f" ({self.complaint})" if self.complaint else "")
-                    + "; expected lines a_b_c, as docs/devices.md has them"
+                    + "; expected lines a_b_c, see docs/devices.md"
                 )
             time.sleep(0.005)
 
@@ -371,11 +375,11 @@ class EncoderBoard(SerialBoard):
                     self.tally.malformed += 1
                     self.complaint = str(error)
                     continue
-                # lines that come in one piece were sent a period apart
+                # lines received together were sent a period apart
                 period = 0.0 if math.isnan(self._period) else self._period
-                self._judge(raw, arrival - period * (len(lines) - 1 - k))
+                self._check(raw, arrival - period * (len(lines) - 1 - k))
 
-    def _judge(self, raw: tuple[int, int, int], moment: float) -> None:
+    def _check(self, raw: tuple[int, int, int], moment: float) -> None:
         if self._last is not None:
             moment = max(moment, self._last.time)
         late = 0.0 if math.isnan(self._period) else self._period

@@ -1,4 +1,4 @@
-"""A board on a serial port, its lines read by a thread of its own; a port that goes away is waited for."""
+"""Base class of boards on a serial port: a reading thread, line splitting, reconnection after unplugging."""
 
 import logging
 import threading
@@ -14,38 +14,37 @@ from catenary.errors import SensorError
 from catenary.operating_system import require_linux
 
 BAUD = 115200
-_RETRY_EVERY_S = 0.25  # [s] between attempts to find a board that was unplugged
-_LINE_BYTES = 200  # bytes of a line; what is longer is noise
+_RETRY_EVERY_S = 0.25  # [s] between attempts to reopen the port
+_LINE_BYTES = 200  # longest line; more is noise
 _log = logging.getLogger(__name__)
 
 
 class LineSplitter:
-    """Splits bytes, which come in pieces, into lines; noise without line ends is dropped."""
+    """Split a stream of bytes into lines; noise without line ends is discarded."""
 
     def __init__(self) -> None:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[str]:
-        """Take bytes, and return the lines that are whole by now, without their ends."""
+        """Add bytes, and return the completed lines without their ends."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > _LINE_BYTES:
-            lines.append(self._rest)  # it will be refused, and counted
+            lines.append(self._rest)  # refused and counted by the parser
             self._rest = b""
-        # what is not ASCII fails the checksum
+        # characters other than ASCII fail the checksum
         return [line.strip(b"\r").decode("ascii", errors="replace") for line in lines if line.strip()]
 
 
 class SerialBoard(ABC):
-    """A board whose lines are handed over as they come, those read together at once.
+    """Board on a serial port, read by a thread, which delivers lines that arrive together in one call.
 
-    A board that is unplugged is waited for, and goes on where it is plugged in again under the same name. Use as a
-    context manager.
+    After unplugging the thread waits for the port to reappear under the same name. Use as a context manager.
     """
 
     def __init__(self, port: str, *, clock: Callable[[], float], ask: bytes = b"") -> None:
-        """Open the port and begin to read; subclasses call this when they are ready to take lines.
+        """Open the port and start reading; subclasses call this when they are ready for lines.
 
-        The clock is of the lines' times [s]; `ask` is sent whenever the port is opened.
+        `clock` [s] stamps the lines; `ask` is sent whenever the port is opened.
         """
         require_linux("a board on a serial port")
         self.port, self._clock, self._ask = port, clock, ask
@@ -60,15 +59,15 @@ class SerialBoard(ABC):
 
     @abstractmethod
     def _take(self, lines: list[str], arrival: float) -> None:
-        """Take lines without their ends, which came at a time [s]; this and the next run in the reading thread."""
+        """Process lines without their ends that arrived at a time [s]; called in the reading thread."""
 
     @abstractmethod
     def _on_plug(self, *, is_there: bool) -> None:
-        """Take note that the board was unplugged, or is there again, before its first line."""
+        """Handle unplugging, and replugging before its first line; called in the reading thread."""
 
     @property
     def is_connected(self) -> bool:
-        """The port is open; lines may come."""
+        """The port is open."""
         return self._line is not None
 
     def close(self) -> None:
@@ -110,7 +109,7 @@ class SerialBoard(ABC):
                 continue
             try:
                 data = self._line.read(max(1, self._line.in_waiting))
-            except (serial.SerialException, OSError, TypeError):  # pyserial may trip over its own close
+            except (serial.SerialException, OSError, TypeError):  # pyserial may fail during its own close
                 _log.warning("%s: the board is gone; waiting for it", self.port)
                 self._on_plug(is_there=False)
                 self._drop()

@@ -236,7 +236,7 @@ class EncoderNode:
             except InputError:
                 continue  # a state of another kind of robot says nothing of homing
             self.robot = state.state + " homed" * state.is_homed + " busy" * state.is_busy
-            self.board.tell(is_busy=state.is_busy, is_homed=state.is_homed)
+            self.board.set_robot_state(is_busy=state.is_busy, is_homed=state.is_homed)
         samples = self.board.take()
         # from the board's clock to the transport's
         shift = self.transport.steady() - round(self.board.now() * SECOND)

@@ -1,1 +1,1 @@
-"""What is known of the RAVEN-II: topics, units, channels, joints, drive train; another cable robot is a room beside."""
+"""RAVEN-II: topics, units, channels, joints and drive train. Each cable robot has such a room."""

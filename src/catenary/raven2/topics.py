@@ -1,10 +1,10 @@
-"""What the RAVEN-II publishes on which topic, in which channels and units: its traps, and the way to SI.
+"""Topics of the RAVEN-II: channels, units and their conversion to SI.
 
-Source: uw-biorobotics/raven2 (local_io.cpp) and the set of topics that its group records. The traps:
-every joint and motor position and velocity in raven_state is multiplied by 180/pi, metres of insertion too;
-`pos` and `pos_d` are whole micrometres; `tau` is the torque that was asked of the gearbox's output, before limits,
-not a measurement; `jac_f` repeats `jac_vel`, in units nobody states. The arms' `measured_js` are swapped: arm1
-carries the green arm, arm2 the gold one. `ravenstate_100hz` is published without a leading slash.
+Source: uw-biorobotics/raven2 (local_io.cpp) and the set of topics that its group records. Pitfalls: every joint and
+motor position and velocity in raven_state is multiplied by 180/pi, metres of insertion too; `pos` and `pos_d` are
+integer micrometres; `tau` is the commanded torque at the gearbox's output before limits, not a measurement; `jac_f`
+repeats `jac_vel`, in undocumented units. The arms' `measured_js` are swapped: arm1 is the green arm, arm2 the gold one.
+`ravenstate_100hz` is published without a leading slash.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,10 +25,10 @@ ROBOT: Mapping[str, str] = {"gold": "raven2", "green": "raven2_right"}  # of the
 JOINTS = ("shoulder", "elbow", "insertion", "roll", "wrist", "jaw1", "jaw2")  # of measured_js
 UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 AXES = (*JOINTS[:3], UNUSED_CHANNEL, *JOINTS[3:])  # of the eight channels of an arm in raven_state
-# places of an arm's joints among raven_state's 16 channels
+# indices of an arm's joints among raven_state's 16 channels
 CHANNELS: Mapping[str, tuple[int, ...]] = {"gold": (0, 1, 2, 4, 5, 6, 7), "green": (8, 9, 10, 12, 13, 14, 15)}
 MEASURED_JS: Mapping[Arm, str] = {"gold": "/arm2/measured_js", "green": "/arm1/measured_js"}
-# operating state that a run level stands for: emergency stop, init, pedal up, pedal down
+# operating states of the run levels: emergency stop, init, pedal up, pedal down
 RUN_LEVELS: Mapping[int, OperatingState] = {
     0: OperatingState("DISABLED", False, False),
     1: OperatingState("ENABLED", False, True),
@@ -86,14 +86,19 @@ STATE_COLUMNS: Mapping[str, TopicColumn] = {column.name: column for column in RA
 _GOLD_MEASURED_JS = joint_topic(MEASURED_JS["gold"], "measured_js", JOINTS, rate=100.0, bag="record_CRTKmeasurejs")
 _GREEN_MEASURED_JS = replace(_GOLD_MEASURED_JS, name=MEASURED_JS["green"])
 EXT_JPOS = joint_topic("/ext_jpos", "ext_jpos", JOINTS[:3], rate=100.0, bag="record_ext_jenc")
-JOINT_ENC = joint_topic(  # its type is not published; a JointState of counts is taken
+JOINT_ENC = joint_topic(  # its type is not published; a JointState of counts is assumed
     "/joint_enc", "joint_enc", JOINTS[:3], rate=100.0, bag="record_joint_enc", unit="count"
 )
 RAVEN_TOPICS = (RAVENSTATE, RAVENSTATE_100HZ, _GOLD_MEASURED_JS, _GREEN_MEASURED_JS, EXT_JPOS, JOINT_ENC)
 
 
 def raven_topics(arm: Arm = "gold", *, state_rate: float = 30.0) -> tuple[Topic, ...]:
-    """Return the topics of a calibration recording of one arm."""
+    """Return the topics of a calibration recording of one arm.
+
+    Args:
+        arm: "gold" or "green".
+        state_rate: Rate of /ravenstate [Hz], positive; 100 selects the topic ravenstate_100hz.
+    """
     if not state_rate > 0.0:
         raise InputError(f"rate of /ravenstate: expected a positive number of Hz, got {state_rate}")
     is_fast = state_rate == RAVENSTATE_100HZ.rate
@@ -107,23 +112,45 @@ def measured_topic(arm: Arm) -> Topic:
 
 
 def state_column(message: object, name: str) -> Floats:
-    """Return one of the fields of a raven_state message in SI, (width,)."""
+    """Return a field of a raven_state message in SI.
+
+    Args:
+        name: Field, one of STATE_COLUMNS.
+
+    Returns:
+        (width,) of the field.
+    """
     values = np.atleast_1d(np.asarray(getattr(message, name), dtype=np.float64))
     return values / SECOND if name == "dt" else values * STATE_COLUMNS[name].to_si
 
 
 def in_channels(arm: Arm, values: Floats) -> Floats:
-    """Return numbers of an arm's seven joints (..., 7) in raven_state's channels (..., 16), the other arm's zero."""
+    """Place values of an arm's joints in raven_state's channels.
+
+    Args:
+        arm: "gold" or "green".
+        values: (..., 7).
+
+    Returns:
+        (..., 16), zero in the other arm's and unused channels.
+    """
     channels = np.zeros((*values.shape[:-1], 16))
     channels[..., CHANNELS[arm]] = values
     return channels
 
 
 def further_columns(columns: Sequence[str], arm: Arm) -> dict[str, tuple[str, str]]:
-    """Return the signals that further columns of raven_state become in a log: path in the message and unit, by name.
+    """Return the log signals of further columns of raven_state.
 
-    An arm's own are called mpos:<axis>, the other arm's green_mpos:<axis>, those of neither as they are; what is in
-    every log is not repeated.
+    Args:
+        columns: Names of STATE_COLUMNS, or "all".
+        arm: Arm whose signals have no prefix: mpos:<axis> beside green_mpos:<axis> of the other arm.
+
+    Returns:
+        Path in the message and unit, by signal, without those that every log has.
+
+    Raises:
+        InputError: An unknown column.
     """
     unknown = [name for name in columns if name not in STATE_COLUMNS and name != "all"]
     if unknown:
@@ -134,7 +161,7 @@ def further_columns(columns: Sequence[str], arm: Arm) -> dict[str, tuple[str, st
         for label, path, unit in zip(column.labels, column.paths, column.units, strict=True):
             if name in ("jpos", "tau") and label.startswith(arm):
                 continue
-            # another arm's name stands first: its tau is none of the group tau
+            # the other arm's name is the prefix, so that its tau is not in the group tau
             whose, _, rest = label.partition("_")
             first = "" if whose in ("", arm) else f"{whose}_"
             signals[f"{first}{name}:{rest}" if rest else f"{first}{name}"] = path, unit

@@ -1,4 +1,4 @@
-"""The page about a calibration: the verdict in a sentence, errors of joints and tip, the model's card."""
+"""Calibration report (HTML): verdict in one sentence, errors of joints and tip, intervals, the model's card."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,27 +21,27 @@ from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.tables import Column, Table
 
-_CLOSE_RATIO = 1.03  # times the error: the fixed offset is as good
-_ROUNDING_M = 1e-9  # that a tip moves by rounding
+_CLOSE_RATIO = 1.03  # least ratio of the fixed offset's error to the model's for an improvement
+_ROUNDING_M = 1e-9  # motion of a tip by rounding
 
 
 class TipErrors(NamedTuple):
-    """Where the tip is by measured joints, and by the others; tips are (N, 3) in the base frame [m]."""
+    """Tip positions from measured, reported and corrected joints; (N, 3) in the base frame [m]."""
 
     robot: RobotModel
     true: Floats  # by measured joints
     reported: Floats
     offset: Floats  # by reported joints after the fixed offset
     corrected: Floats
-    moves: tuple[bool, ...]  # whether each joint of the model moves the tip
+    moves: tuple[bool, ...]  # per joint of the model: it moves the tip
 
     def distances(self, tip: Floats) -> Floats:
-        """Return the tip's distances (N,) from where it is [m]."""
+        """Return distances (N,) [m] of tip positions (N, 3) from the true ones."""
         return np.linalg.norm(tip - self.true, axis=1)
 
 
 def kinematics_of(name: str | None, model: CalibrationModel) -> RobotModel | None:
-    """Return the catalogue's robot of this name where its tip can be had from a model's joints, None otherwise."""
+    """Return the catalogue's robot of a name if the model's joints determine its tip, None otherwise."""
     if name is None or name not in robot_names():
         return None
     robot = load_robot(name)
@@ -49,11 +49,11 @@ def kinematics_of(name: str | None, model: CalibrationModel) -> RobotModel | Non
 
 
 def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluation) -> TipErrors:
-    """Compare where the tip is by measured, reported and corrected joints; others must not move it, and are zero."""
+    """Compute tip positions from measured, reported and corrected joints; others are zero, and must not move it."""
     places = _places(robot, model.joint_names, model.joint_units)
     if places is None:
         raise InputError(
-            f'robot "{robot.name}": joints {", ".join(robot.joint_names)}; its tip cannot be had from the model\'s '
+            f'robot "{robot.name}": joints {", ".join(robot.joint_names)}; its tip does not follow from the model\'s '
             f"joints {', '.join(model.joint_names)}"
         )
     measured = evaluation.data.q_nominal + evaluation.raw
@@ -72,7 +72,7 @@ def tip_errors(robot: RobotModel, model: CalibrationModel, evaluation: Evaluatio
 
 
 def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
-    """Return what a page says of the tip of a model of these joints."""
+    """Return the blocks of a page on the tip's error, by a model of these joints."""
     without = [joint for joint, moves in zip(joints, tip.moves, strict=True) if not moves]
     aside = f" Joints that do not move this frame, and are not in its error: {', '.join(without)}." if without else ""
     rows = []
@@ -85,8 +85,8 @@ def tip_blocks(tip: TipErrors, name: str, joints: Sequence[str]) -> list[Block]:
         Table(columns, rows),
         Text(
             f'Distance between frame "{tip.robot.tip}" of robot {tip.robot.name} by these joints and by the measured '
-            "ones, through the robot's kinematics, over the same rows as above. What the kinematics themselves are off "
-            f"by is not in it.{aside}"
+            "ones, through the robot's kinematics, over the same rows as above. Errors of the kinematics themselves "
+            f"are not included.{aside}"
         ),
     ]
 
@@ -97,7 +97,7 @@ def tip_rmse(tip: TipErrors) -> tuple[float, float]:
 
 
 def _places(robot: RobotModel, names: Sequence[str], units: Sequence[str]) -> list[int] | None:
-    """Return which of the robot's coordinates a model's joints are; None if others move its tip too."""
+    """Return the robot's coordinates of a model's joints; None if other coordinates move its tip too."""
     n = len(names)
     if set(names) <= set(robot.joint_names):
         places = [robot.joint_names.index(name) for name in names]
@@ -112,14 +112,14 @@ def _places(robot: RobotModel, names: Sequence[str], units: Sequence[str]) -> li
 
 
 def _moves_tip(robot: RobotModel, places: Sequence[int]) -> bool:
-    """Return whether some of the robot's coordinates move its tip."""
+    """Return true if any of the given coordinates of a robot moves its tip."""
     q = np.full((2, robot.n), 0.1)
     q[1, list(places)] = 0.0
     first, second = forward_kinematics(robot, q)[1]
     return bool(np.linalg.norm(first - second) > _ROUNDING_M)
 
 
-_MAX_NAMED_JOINTS = 6  # that a sentence can name with their numbers
+_MAX_NAMED_JOINTS = 6  # in a sentence
 _PAPER = (
     "H. Peng, A. Lewis, Y.-H. Su, S. Lin, D.-T. Chiang, W. Jiang, H. Lai, B. Hannaford, "
     '"Efficient data-driven joint-level calibration of cable-driven surgical robots", 2024, arXiv:2408.01604.'
@@ -141,16 +141,22 @@ def write_calibration_report(
     unseen: bool = True,
     robot: RobotModel | None = None,
 ) -> None:
-    """Write the page about a calibration, one self-contained file; `opening` and `further` are blocks to add.
+    """Write the report of a calibration as one self-contained HTML file.
 
-    `tested_on` says which data the evaluation is of, `unseen` whether the model was not fitted to it.
+    Args:
+        spread: Results of a cross-validation.
+        opening: Blocks after those on errors.
+        further: Blocks before the model's card.
+        name: Name of the model on the page; kind and preset when None.
+        unseen: The model was not fitted to the test data.
+        robot: Robot for the tip's error; by the card when None.
     """
     name = name if name is not None else short_name(model)
     robot = robot or kinematics_of(card.get("robot") or evaluation.data.robot, model)
     tip = None if robot is None else tip_errors(robot, model, evaluation)
     simulated = bool(card["simulated"]) or any(s.simulated for s in evaluation.data.sources)
     joints = range(len(model.joint_names))
-    missing = "Not known: no robot whose kinematics give the tip from these joints was named (--robot)."
+    missing = "Unknown: name a robot whose tip follows from these joints (--robot)."
     of_tip: list[Block] = [Heading("Error of the tip"), Text(missing)]
     if tip is not None:
         of_tip = tip_blocks(tip, name, evaluation.data.joint_names)
@@ -183,22 +189,22 @@ def write_calibration_report(
 
 
 def short_name(model: CalibrationModel) -> str:
-    """Return a model's kind and preset in words."""
+    """Return a model's kind and preset as text."""
     return model.kind if model.preset is None else f"{model.kind}, preset {model.preset}"
 
 
 def model_name(model: CalibrationModel) -> str:
-    """Return a model's kind, preset and memory in words."""
+    """Return a model's kind, preset and memory as text."""
     return f"{short_name(model)}, play states" if model.features.play else short_name(model)
 
 
 def card_facts(card: Card) -> list[tuple[str, str]]:
-    """Return the card's main lines."""
+    """Return the main entries of a card as name and text."""
     hashes = (f"sha256 {s['sha256'][:12]}" if s["sha256"] else "no hash" for s in card["data"])
-    data = ", ".join(f"{s['name']} ({s['rows']:,} rows, {told})" for s, told in zip(card["data"], hashes, strict=True))
+    data = ", ".join(f"{s['name']} ({s['rows']:,} rows, {sha})" for s, sha in zip(card["data"], hashes, strict=True))
     version = ", ".join(f"{name} {number}" for name, number in card["version"].items())
-    seconds, mended = clock_delay(card), ", ".join(card.get("mends", {}).get("delay", ()))
-    corrected = f", of which {mended} s was corrected" if mended else ""
+    seconds, delays = clock_delay(card), ", ".join(card.get("mends", {}).get("delay", ()))
+    corrected = f", of which {delays} s was corrected" if delays else ""
     return [
         *((name, card[name]) for name in ("instrument", "tool", "recorded") if card.get(name)),
         *([] if seconds is None else [("delay", f"{seconds:+.3f} s{corrected}")]),
@@ -212,13 +218,13 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
 
 
 def shortened(names: Sequence[str], most: int = 8) -> str:
-    """Return the first names of a list, and how many more there are."""
+    """Return the first names of a list, and the number of the others."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
 
 class JointGain(NamedTuple):
-    """RMS errors of one joint in deg or mm, and what speaks against its correction."""
+    """RMS errors of one joint in deg or mm, and the reason against its correction, if any."""
 
     name: str
     unit: str
@@ -230,10 +236,10 @@ class JointGain(NamedTuple):
 def headline(
     evaluation: Evaluation, *, unseen: bool = True, spread: Sequence[Spread] = (), tip: TipErrors | None = None
 ) -> str:
-    """Return the verdict on a correction in one sentence, its numbers as the tables have them.
+    """Return the verdict on a correction in one sentence, with the numbers of the tables.
 
     It is recommended for a joint whose error is at least 3 % below the fixed offset's, with inputs in the trained
-    range; of data that was fitted, not `unseen`, the errors of the cross-validation in `spread` count.
+    range; for fitted data (not `unseen`) the errors of the cross-validation `spread` are used.
     """
     on_blocks = not unseen and bool(spread)
     if on_blocks:
@@ -261,21 +267,21 @@ def headline(
 
 
 def _numbers(gains: Sequence[JointGain]) -> str:
-    """Return errors before and after, of the joints that gain most where there are many."""
+    """Return errors before and after as text, for the most improved joints if there are many."""
     most = sorted(gains, key=lambda gain: gain.after / gain.before if gain.before > 0.0 else 1.0)[:_MAX_NAMED_JOINTS]
-    said = [f"from {g.before:.3f} to {g.after:.3f} {g.unit} ({g.name})" for g in gains if g in most]
-    more = len(gains) - len(said)
-    return ", ".join(said) + (f", and those of {more} more below" if more > 0 else "")
+    texts = [f"from {g.before:.3f} to {g.after:.3f} {g.unit} ({g.name})" for g in gains if g in most]
+    more = len(gains) - len(texts)
+    return ", ".join(texts) + (f", and those of {more} more below" if more > 0 else "")
 
 
 def recommendation(gains: Sequence[JointGain]) -> str:
-    """Return for which joints the correction is recommended, and what speaks against it for the others."""
+    """Return the joints for which the correction is recommended, and the reasons against the others, as text."""
     good = [gain for gain in gains if not gain.against]
     if len(good) == len(gains):
         return "recommended for every joint" if len(gains) > 1 else "recommended"
     reasons = dict.fromkeys(gain.against for gain in gains if gain.against)
-    said = "; ".join(f"{_listed([g.name for g in gains if g.against == reason])}: {reason}" for reason in reasons)
-    return f"recommended for {len(good) or 'none'} of {len(gains)} joints ({said})"
+    against = "; ".join(f"{_listed([g.name for g in gains if g.against == reason])}: {reason}" for reason in reasons)
+    return f"recommended for {len(good) or 'none'} of {len(gains)} joints ({against})"
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -285,7 +291,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _against(after: float, offset: float, outside: float = 0.0) -> str:
-    """Return what speaks against a correction: an error near the fixed offset's or above, rows outside its range."""
+    """Return the reason against a correction: an error close to the fixed offset's or above, rows outside its range."""
     if after > HARM_RATIO * offset:
         return "worse than the fixed offset"
     if _CLOSE_RATIO * after > offset:

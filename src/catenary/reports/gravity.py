@@ -1,4 +1,4 @@
-"""Tables and pages of tracking and holding under gravity."""
+"""Reports of gravity compensation: tracking errors, and drift of held joints; tables and plots."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,8 +10,8 @@ from catenary.tables import Column, Table
 from catenary.units import DISPLAY, TORQUE_UNIT
 
 _MAX_POINTS = 4_000  # in a line
-_MIN_REACH = 0.01  # [deg|mm] of a picture of drift, to either side
-# title, what the page shows, what its table and picture hold
+_MIN_REACH = 0.01  # [deg|mm] half the range of a drift plot
+# title, lead, explanation of table and plot
 _TRACKING = (
     "Tracking with controller {controller}",
     "Joint errors, and the PD term's share of the torque, as in Lewis and Hannaford 2014.",
@@ -20,23 +20,27 @@ _TRACKING = (
 )
 _HOLDING = (
     "Held by controller {controller}",
-    "Gravity compensation alone, as in Lewis and Hannaford 2014: how far each joint drifts.",
-    "Drift is the largest distance from where a joint began: of the joint itself, then as the robot "
-    "reports it at its motor. Report off by: the largest distance between both, which gravity is computed with. At the "
-    "end: where it then was, seen from the start.",
+    "Gravity compensation alone, as in Lewis and Hannaford 2014: the drift of each joint.",
+    "Drift is the largest distance from the start: of the joint itself, then as the robot reports it at its motor. "
+    "Report off by: the largest difference of both; gravity is computed from the reported position. At the end: final "
+    "position relative to the start.",
 )
 
 
 def gravity_table(result: Tracking | Holding, title: str = "") -> Table:
-    """Return a row per joint: of tracking its RMS error, PD term and torque, of holding its drift."""
+    """Return a table with a row per joint: RMS error, PD term and torque of tracking, or drift of holding.
+
+    Args:
+        result: Of tracking or holding; its units become deg or mm, and Nm or N.
+    """
 
     def of(heading: str, key: str, form: str, unit: str = "unit") -> Column:
         return heading, lambda joint: f"{joint[key]:{form}} {joint[unit]}"
 
     joints = result.as_data()["joints"]
     if isinstance(result, Holding):
-        told = {"drift": "drift", "as reported": "reported_drift", "report off by": "reported_off"}
-        columns = [*(of(heading, key, ".4f") for heading, key in told.items()), of("at the end", "moved", "+.4f")]
+        keys = {"drift": "drift", "as reported": "reported_drift", "report off by": "reported_off"}
+        columns = [*(of(heading, key, ".4f") for heading, key in keys.items()), of("at the end", "moved", "+.4f")]
     else:
         share = dict(zip(result.joint_names, 100.0 * result.pd_share, strict=True))
         columns = [
@@ -51,7 +55,11 @@ def gravity_table(result: Tracking | Holding, title: str = "") -> Table:
 def write_gravity_report(
     path: Path, result: Tracking | Holding, settings: Mapping[str, Any], *, arm: page.Picture | None = None
 ) -> None:
-    """Write a page with the table, a picture over time and the settings, one of which is the controller's name."""
+    """Write the report of a tracking or holding experiment: table, plot over time, settings.
+
+    Args:
+        settings: By name, including "controller".
+    """
     title, lead, text = _HOLDING if isinstance(result, Holding) else _TRACKING
     drawn = holding_picture(result) if isinstance(result, Holding) else tracking_picture(result)
     pictured: list[page.Block] = [] if arm is None else [page.Heading("The arm"), arm]
@@ -67,7 +75,7 @@ def write_gravity_report(
 
 
 def holding_picture(result: Holding) -> page.Picture:
-    """Draw how far every joint is from where it began, over time, and as reported."""
+    """Plot the distance of every joint from its start over time, true and as reported."""
     figure, rows, shown = _per_joint(result, columns=1)
     t = result.time[shown]
     for j, (axes,) in enumerate(rows):
@@ -75,14 +83,14 @@ def holding_picture(result: Holding) -> page.Picture:
         for q, color, label in ((result.q, page.GREY, "as reported"), (result.q_true, page.BLUE, "joint")):
             axes.plot(t, scale * (q[shown, j] - q[0, j]), color=color, linewidth=1.2, label=label)
         low, high = axes.get_ylim()
-        # rounding that fills a whole picture would look like a drift
+        # a minimum range, so that rounding does not look like drift
         axes.set_ylim(min(low, -_MIN_REACH), max(high, _MIN_REACH))
     rows[0][0].legend(frameon=False, fontsize=8, ncols=2)
-    return page.picture(figure, "Distance of every joint from where it began.")
+    return page.picture(figure, "Distance of every joint from its start.")
 
 
 def tracking_picture(result: Tracking) -> page.Picture:
-    """Draw the error, and the torque with the PD term, of every joint over time."""
+    """Plot the error, and the torque with the PD term, of every joint over time."""
     figure, rows, shown = _per_joint(result, columns=2)
     t = result.time[shown]
     for j, (left, right) in enumerate(rows):
@@ -96,7 +104,7 @@ def tracking_picture(result: Tracking) -> page.Picture:
 
 
 def _per_joint(result: Tracking | Holding, *, columns: int) -> tuple[Any, Any, slice]:
-    """Return a figure, a row of axes over time for every joint, and which ticks to draw."""
+    """Return a figure, a row of axes over time for every joint, and the ticks to draw."""
     joints = [(name, DISPLAY[unit][0]) for name, unit in zip(result.joint_names, result.joint_units, strict=True)]
     figure, rows = page.joint_panels(joints, 1.9, columns)
     for axes in rows.flat:

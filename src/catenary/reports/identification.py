@@ -1,4 +1,4 @@
-"""The page about an identification: torques measured and predicted, residuals, parameters, excitation, verdict."""
+"""Identification report (HTML): residuals, measured and predicted torques, masses, rotors, excitation."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,102 +15,106 @@ from catenary.reports.robot_plot import robot_picture
 from catenary.tables import Column, Table, joint_columns
 from catenary.units import TORQUE_UNIT
 
-_MAX_POINTS = 3000  # rows a picture draws; more are not seen
+_MAX_POINTS = 3000  # rows in a plot
 _SHOWN_POSES = 9  # of a recording
 
 
 def write_identification_report(
-    path: Path, found: Identification, card: Card, shown: Sequence[Samples], *, notes: Sequence[str] = ()
+    path: Path, result: Identification, card: Card, shown: Sequence[Samples], *, notes: Sequence[str] = ()
 ) -> None:
-    """Write the page about an identification, one self-contained file; torques are drawn of the recordings `shown`."""
+    """Write the report of an identification as one self-contained HTML file.
+
+    Args:
+        shown: Recordings whose torques are plotted.
+    """
     blocks: list[page.Block] = [
         page.Heading("Residuals"),
-        found.residual_table,
+        result.residual_table,
         page.Text(
-            "RMS of measured less predicted torque over RMS of the torque, per axis, known torques subtracted first. "
-            "On a recording that was not fitted the model holds while no axis has more than twice the training "
-            "residual, has drifted beyond that, and fails where an axis is hardly better than predicting no torque. "
-            "Where it was moved too little, or where nothing was fitted, that is unclear."
+            "RMS of measured minus predicted torque over RMS of the torque, per axis, after subtracting known torques. "
+            "On a recording that was not fitted the model holds if no axis has more than twice the training residual, "
+            "has drifted beyond that, and fails if an axis is hardly better than predicting no torque. The verdict is "
+            "unclear for axes that moved too little, or without a fit."
         ),
-        absolute_table(found),
+        absolute_table(result),
         *([page.Remarks(notes)] if notes else []),
         page.Heading("Excitation"),
-        page.Facts(excitation_facts(found)),
+        page.Facts(excitation_facts(result)),
     ]
-    for samples in shown[:1]:  # with the masses that were found where these are each link's
+    for samples in shown[:1]:  # with the identified masses, if they are per link
         rows = np.linspace(0, len(samples) - 1, _SHOWN_POSES).astype(int)
         caption = f"The robot in {_SHOWN_POSES} poses of {samples.name}, the first of them whole."
-        robot = found.model if found.phi is None else found.robot()
-        blocks.append(robot_picture(robot, samples.q[rows], caption, gravity=found.options.gravity))
+        robot = result.model if result.phi is None else result.robot()
+        blocks.append(robot_picture(robot, samples.q[rows], caption, gravity=result.options.gravity))
     for samples in shown:
-        blocks += [page.Heading(f"Torques of {samples.name}"), torque_picture(found, samples)]
-    if (masses := mass_table(found)) is not None:
+        blocks += [page.Heading(f"Torques of {samples.name}"), torque_picture(result, samples)]
+    if (masses := mass_table(result)) is not None:
         blocks += [page.Heading("Links beside the robot's file"), masses]
-    if (rotors := rotor_table(found)) is not None:
+    if (rotors := rotor_table(result)) is not None:
         blocks += [page.Heading("Rotors"), rotors]
     blocks += [
         page.Heading("Base parameters"),
-        found.parameter_table,
-        page.Listing("What each stands for", "\n".join(found.base.describe(i) for i in range(found.base.count))),
+        result.parameter_table,
+        page.Listing("What each stands for", "\n".join(result.base.describe(i) for i in range(result.base.count))),
         page.Listing("The whole card", json_text(card)),
     ]
-    what = "poses at rest" if found.options.terms == "static" else "full dynamics"
-    count, logs = sum(r.rows for r in found.training), ", ".join(r.log for r in found.training)
-    lead = f"{what}: {found.base.count} base parameters from {count:,} rows of {logs}."
-    page.write_page(path, f"Identification of {found.model.name}", lead, blocks)
+    what = "poses at rest" if result.options.terms == "static" else "full dynamics"
+    count, logs = sum(r.rows for r in result.training), ", ".join(r.log for r in result.training)
+    lead = f"{what}: {result.base.count} base parameters from {count:,} rows of {logs}."
+    page.write_page(path, f"Identification of {result.model.name}", lead, blocks)
 
 
-def absolute_table(found: Identification) -> Table:
+def absolute_table(result: Identification) -> Table:
     """Return the RMS residual per recording and axis in Nm and N."""
-    units = [TORQUE_UNIT[unit] for unit in found.model.joint_units]
-    joints = list(zip(found.model.joint_names, units, strict=True))
+    units = [TORQUE_UNIT[unit] for unit in result.model.joint_units]
+    joints = list(zip(result.model.joint_names, units, strict=True))
     columns = [("RMS residual", "log"), *joint_columns(joints, lambda r, j: r.rms[j], ".4f")]
-    return Table(columns, _all(found), "RMS residual")
+    return Table(columns, _all(result), "RMS residual")
 
 
-def mass_table(found: Identification) -> Table | None:
-    """Return every link's mass and centre as identified beside those of the robot's file; None where there are none."""
-    if not found.prior or found.phi is None:
+def mass_table(result: Identification) -> Table | None:
+    """Return a table of identified masses and centres of mass beside those of the robot's file; None without them."""
+    if not result.prior or result.phi is None:
         return None
-    robot, given = found.robot(), found.model
+    robot, given = result.robot(), result.model
     columns: list[Column] = ["link", ("mass [kg]", ":.3g"), ("file's [kg]", ":.3g"), ("ratio", ":.2f")]
-    columns.append(("centres apart [mm]", ":.0f"))
-    links = [i for i in found.base.parameters.links if given.tree.mass[i] > 0.0]
+    columns.append(("distance of centres [mm]", ":.0f"))
+    links = [i for i in result.base.parameters.links if given.tree.mass[i] > 0.0]
     mass, own = robot.tree.mass[links], given.tree.mass[links]
     apart = 1000.0 * np.linalg.norm(robot.tree.com[links] - given.tree.com[links], axis=1)
     rows = list(zip((given.link_names[i] for i in links), mass, own, mass / own, apart, strict=True))
-    return Table(columns, rows, "Links beside the robot's file; single masses are drawn to it, not measured")
+    return Table(columns, rows, "Links beside the robot's file; single masses are regularised to it, not measured")
 
 
-def rotor_table(found: Identification) -> Table | None:
-    """Return the rotors as seen at the joints; None where there are none."""
+def rotor_table(result: Identification) -> Table | None:
+    """Return a table of reflected rotor inertias; None without rotors."""
 
-    def told(rotor: Rotor) -> str:
-        return "as stated" if found.options.rotors else "by itself" if rotor.error is not None else "with its link's"
+    def source(rotor: Rotor) -> str:
+        return "as stated" if result.options.rotors else "by itself" if rotor.error is not None else "with its link's"
 
     columns: list[Column] = [("rotor", "name"), ("reflected inertia [kg m2, kg]", "inertia:.3g")]
-    columns += [("std", "error:.2g"), ("told", told)]
-    return Table(columns, found.rotors, "Rotors, as seen at the joints") if found.rotors else None
+    columns += [("std", "error:.2g"), ("identified", source)]
+    return Table(columns, result.rotors, "Rotors, reflected to the joints") if result.rotors else None
 
 
-def excitation_facts(found: Identification) -> list[tuple[str, str]]:
-    """Return rank, condition, weights and physical consistency."""
-    consistent = "not asked for" if found.phi is None else "yes: every link a body, no negative friction"
+def excitation_facts(result: Identification) -> list[tuple[str, str]]:
+    """Return rank, condition, weights and physical consistency, as name and text."""
+    consistent = "not requested" if result.phi is None else "yes: every link a body, no negative friction"
     return [
-        ("rank", f"{found.rank} of {found.base.count} base parameters"),
-        ("condition", f"{found.condition:.4g} (weighted rows, columns scaled to length one)"),
-        ("weights of the axes", ", ".join(f"{w:.4g}" for w in found.weights)),
+        ("rank", f"{result.rank} of {result.base.count} base parameters"),
+        ("condition", f"{result.condition:.4g} (weighted rows, columns scaled to length one)"),
+        ("weights of the axes", ", ".join(f"{w:.4g}" for w in result.weights)),
         ("physically consistent", consistent),
     ]
 
 
-def torque_picture(found: Identification, samples: Samples) -> page.Picture:
-    """Draw measured and predicted torque of every axis over time."""
+def torque_picture(result: Identification, samples: Samples) -> page.Picture:
+    """Plot measured and predicted torque of every axis over time."""
     every = max(1, len(samples) // _MAX_POINTS)
     tau, time = samples.tau[::every], samples.time[::every]
-    predicted = found.predict_samples(samples)[::every]
-    units = [TORQUE_UNIT[unit] for unit in found.model.joint_units]
-    figure, panels = page.joint_panels(list(zip(found.model.joint_names, units, strict=True)), 1.7)
+    predicted = result.predict_samples(samples)[::every]
+    units = [TORQUE_UNIT[unit] for unit in result.model.joint_units]
+    figure, panels = page.joint_panels(list(zip(result.model.joint_names, units, strict=True)), 1.7)
     for i, (axis,) in enumerate(panels):
         for values, colour, label in (
             (tau[:, i], page.GREY, "measured"),
@@ -119,9 +123,9 @@ def torque_picture(found: Identification, samples: Samples) -> page.Picture:
         ):
             axis.plot(time, values, color=colour, linewidth=0.8, label=label)
     panels[0, 0].legend(loc="upper right", ncols=3, fontsize=8)
-    axis.set_xlabel("row" if found.options.terms == "static" else "time [s]")
-    return page.picture(figure, "Measured torque, predicted torque, and what is left, filtered alike.")
+    axis.set_xlabel("row" if result.options.terms == "static" else "time [s]")
+    return page.picture(figure, "Measured torque, predicted torque and residual, with the same filter.")
 
 
-def _all(found: Identification) -> Sequence[LogResidual]:
-    return (*found.training, *found.tests)
+def _all(result: Identification) -> Sequence[LogResidual]:
+    return (*result.training, *result.tests)

@@ -1,4 +1,4 @@
-"""Self-contained HTML pages of text, tables and pictures."""
+"""Self-contained HTML reports: headings, text, tables, plots; figures as files."""
 
 import base64
 import io
@@ -15,15 +15,15 @@ from catenary.tables import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# of what is drawn: before, after, and what stands out; in print without colours light, dark and in between
+# colours of lines: before, after, highlighted; they print as light, dark and medium grey
 GREY, BLUE, ORANGE = "#b8c0cc", "#2c4a75", "#d9622b"
 _DOTS_PER_INCH = 150
 _POINTS_OF_A_MARKER = 4  # points of a line that take as many bytes in SVG
-_MAX_DRAWN_POINTS = 1000  # of a line or an area: of more a file for a paper holds a picture
+_MAX_DRAWN_POINTS = 1000  # of a line or an area; longer ones are rasterised in vector files
 
 
 class Heading(NamedTuple):
-    """Opens a section."""
+    """Title of a section."""
 
     text: str
 
@@ -35,7 +35,7 @@ class Text(NamedTuple):
 
 
 class Facts(NamedTuple):
-    """Names and what they stand for, in words that may be long."""
+    """List of names and descriptions."""
 
     rows: Sequence[tuple[str, str]]
 
@@ -47,11 +47,11 @@ class Remarks(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """An image, as base64 of a PNG."""
+    """A PNG image in base64."""
 
     png: str
     caption: str
-    alt: str = ""  # what is seen, for who does not see it; the caption where empty
+    alt: str = ""  # alternative text; the caption if empty
 
 
 class Listing(NamedTuple):
@@ -65,19 +65,23 @@ Block = Heading | Text | Table | Facts | Remarks | Picture | Listing
 
 
 def settings_facts(settings: Mapping[str, object]) -> Facts:
-    """Return settings as people read them: lists without brackets, numbers without rounding digits, None left out."""
-    rows = [(name.replace("_", " "), _told(value)) for name, value in settings.items() if value is not None]
+    """Return settings as readable text: lists without brackets, six significant digits, without those that are None."""
+    rows = [(name.replace("_", " "), _text(value)) for name, value in settings.items() if value is not None]
     return Facts(rows)
 
 
-def _told(value: object) -> str:
+def _text(value: object) -> str:
     if isinstance(value, (list, tuple)):
-        return ", ".join(_told(item) for item in value)
+        return ", ".join(_text(item) for item in value)
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def picture(figure: "Figure", caption: str, alt: str = "") -> Picture:
-    """Draw a matplotlib figure into a picture block, its axes open above and to the right."""
+    """Render a matplotlib figure as a picture block, without top and right spines.
+
+    Args:
+        alt: Alternative text; the caption if empty.
+    """
     for axes in figure.axes:
         axes.spines[["top", "right"]].set_visible(False)
     png = io.BytesIO()
@@ -88,7 +92,7 @@ def picture(figure: "Figure", caption: str, alt: str = "") -> Picture:
 def joint_panels(
     joints: Sequence[tuple[str, str]], height: float, columns: int = 1, *, spare: float = 0.0
 ) -> tuple["Figure", Any]:
-    """Return a figure with a row of axes, `height` [inch], for each joint (name, unit), and its axes (n, columns)."""
+    """Return a figure with a row of axes, `height` [inch], for each joint (name, unit), and the axes (n, columns)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.0, height * len(joints) + spare), layout="constrained")
@@ -99,9 +103,12 @@ def joint_panels(
 
 
 def write_picture(figure: "Figure", path: Path, endings: Sequence[str]) -> None:
-    """Write a figure of the kind that the name ends in, else PNG; fonts are TrueType in PDF, outlines in SVG.
+    """Write a figure in the format of the file's suffix; fonts are TrueType in PDF, outlines in SVG.
 
-    Lines of many points are pictures in these, so that a figure of hours takes some 100 kB.
+    Lines of many points are rasterised, so that a figure of hours takes some 100 kB.
+
+    Args:
+        endings: Suffixes of known formats, such as ".pdf"; others give PNG.
     """
     from matplotlib import rc_context
 
@@ -128,7 +135,7 @@ def write_page(
     simulated: bool = False,
     made: date | None = None,
 ) -> None:
-    """Write a page that needs no other file: title, verdict, lead, blocks; `made` today (UTC) when None."""
+    """Write a self-contained page: title, verdict, lead, blocks; `made` is today (UTC) when None."""
     from jinja2 import Environment
 
     environment = Environment(autoescape=True, trim_blocks=True)
@@ -144,5 +151,5 @@ def write_page(
         simulated=simulated,
         made=(made or datetime.now(UTC).date()).isoformat(),
     )
-    # a file's name may hold bytes that are no text
+    # file names may contain undecodable bytes
     write_atomically(path, html.encode("utf-8", "backslashreplace"))

@@ -1,4 +1,4 @@
-"""The page of a project: what the robot did, errors before and after, latency, card."""
+"""Project report (HTML): recorded motion, errors before and after calibration, latency in the loop, card."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,7 +15,7 @@ from catenary.tables import Column, Table
 from catenary.units import DISPLAY
 
 _TEST_COLOR = "#d9a441"
-_MAX_POINTS = 6_000  # of a recording
+_MAX_POINTS = 6_000  # of a recording in a plot
 
 
 def write_project_report(
@@ -30,7 +30,12 @@ def write_project_report(
     *,
     notes: Sequence[str] = (),
 ) -> None:
-    """Write the page of a project, of the last evaluation's model; `connection` is "simulation", "ros1" or "ros2"."""
+    """Write the report of a project for the model of the last evaluation.
+
+    Args:
+        connection: "simulation", "ros1" or "ros2".
+        evaluations: By model, the recommended one last.
+    """
     name, evaluation = list(evaluations.items())[-1]
     opening: list[Block] = [Heading("What the robot did"), _coverage(train, test)]
     further: list[Block] = []
@@ -44,7 +49,11 @@ def write_project_report(
 
 
 def comparison_table(evaluations: Mapping[str, Evaluation], title: str = "") -> Table:
-    """Return a row for each model, after raw errors and the fixed offset's."""
+    """Return a table with a row for each model, after raw errors and those of the fixed offset.
+
+    Args:
+        evaluations: By name of the model, all on the same rows.
+    """
     joints = next(iter(evaluations.values())).joints
     rows = [
         ["raw", *(f"{joint.raw_rmse:.3f}" for joint in joints)],
@@ -58,7 +67,7 @@ def comparison_table(evaluations: Mapping[str, Evaluation], title: str = "") -> 
 
 
 def shown_name(model: str) -> str:
-    """Return a model's name as people read it."""
+    """Return a model's name as readable text."""
     return model.replace("_", ", preset ")
 
 
@@ -71,15 +80,15 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
     headings = {"median": "median", "p99": "99 % below", "p999": "99.9 % below", "max": "largest"}
     in_tick: list[Column] = [("time in each tick", "what")]
     in_tick += [(f"{heading} [us]", f"{key}:.1f") for key, heading in headings.items()]
-    # nobody counts them where time is not kept by this loop
+    # not counted if another process keeps time
     overruns = "" if deployment["overruns"] is None else f", {deployment['overruns']} overruns"
     priority = "with" if deployment["real_time_priority"] else "without"
     return [
         Text(
             f"{deployment['ticks']:,} ticks at {deployment['rate_hz']:g} Hz, {priority} real-time "
             f"priority{overruns}. A whole tick reads the arm, corrects, evaluates the trajectory and "
-            f"commands the arm; {aside} is not in it. The correction was timed within the same ticks. Period off its "
-            "length: by how much the time from tick to tick differs from the one asked for."
+            f"commands the arm, without {aside}. The correction was timed within the same ticks. Period off its "
+            "length: difference of the time between ticks from the requested one."
         ),
         Table(in_tick, [{"what": what, **deployment[key]} for key, what in names.items() if deployment[key]]),
         Text(f"RMS error against {reference} while the loop ran, as reported and as corrected in the tick:"),
@@ -88,13 +97,17 @@ def _deployment_blocks(deployment: Mapping[str, Any], connection: str) -> list[B
 
 
 def corrector_time(deployment: Mapping[str, Any]) -> list[str]:
-    """Return a line on what a deployed model takes of each tick, where that was timed."""
+    """Return a line on the computation time of a deployed model in each tick, if it was timed."""
     took = deployment["correction_us"]
     return [] if took is None else [f"the corrector takes {took['median']:.1f} us a tick (p99.9 {took['p999']:.0f} us)"]
 
 
 def deployed_table(deployment: Mapping[str, Any], *, title: str = "", outside: bool = False) -> Table:
-    """Return a deployed model's RMS errors by joint, share within intervals and, with `outside`, outside its range."""
+    """Return a table of a deployed model's RMS errors and coverage, per joint.
+
+    Args:
+        outside: Include the share of ticks outside the model's valid range.
+    """
     columns: list[Column] = [("joint", "name"), "unit", ("reported", "raw_rmse:.3f"), ("corrected", "rmse:.3f")]
     if outside:
         columns.append(("outside [% of ticks]", "outside_valid_range:.1%"))
@@ -104,7 +117,7 @@ def deployed_table(deployment: Mapping[str, Any], *, title: str = "", outside: b
 
 
 def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:
-    """Draw where the training and the test motion went, for each pair of the first three joints."""
+    """Plot training and test motion in joint space, for each pair of the first three joints."""
     from matplotlib.figure import Figure
 
     first = train[0]
@@ -122,5 +135,5 @@ def _coverage(train: Sequence[MotionLog], test: Sequence[MotionLog]) -> Picture:
             axis(f"{first.joint_names[joint]} [{DISPLAY[first.joint_units[joint]][0]}]")
     handles, labels = axes[-1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2, markerscale=6, frameon=False, fontsize=9)
-    caption = "Where the joints went, as the robot reported: training and test motion in joint space."
+    caption = "Training and test motion in joint space, as reported by the robot."
     return picture(figure, caption)

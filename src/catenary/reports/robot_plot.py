@@ -1,4 +1,4 @@
-"""A robot in a pose: its links, frames and centres of mass, gravity, and what holds it still."""
+"""Plot of a robot in a pose: links, frames, centres of mass, gravity, holding torques."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ Part = Literal["frames", "masses", "gravity", "torques"]
 PARTS: tuple[Part, ...] = ("frames", "masses", "gravity", "torques")
 _AXIS_COLORS = {"x": "#e57368", "y": "#2a7f4f", "z": "#123f78"}
 _MASS_COLOR, _GRAVITY_COLOR = "#8a6d1f", "#7a3e9d"
-_MIN_EXTENT_MM = 1.0  # of a picture
-_SAME_POINT_M = 1e-6  # between points that are drawn as two
+_MIN_EXTENT_MM = 1.0  # of a plot
+_SAME_POINT_M = 1e-6  # distance of distinct points
 _RANGE_COLOR, _LIMIT_COLOR = "#1c2430", "#c0392b"
-_ROUNDING_TORQUE = 1e-9  # [Nm|N] that is no rounding
-_SHOWN_LIMIT_BARS = 3.0  # times the largest bar: limits beyond are told in words alone
-_WIDE_TEXT_SHARE, _SHORT_TEXT_SHARE = 0.31, 0.16  # of the width: what is written beside a bar
+_ROUNDING_TORQUE = 1e-9  # [Nm|N]
+_SHOWN_LIMIT_BARS = 3.0  # largest limit that is drawn, in lengths of the largest bar; others are text only
+_WIDE_TEXT_SHARE, _SHORT_TEXT_SHARE = 0.31, 0.16  # of the width, for the text beside a bar
 _MAX_NAME_LENGTH = 24  # characters beside a bar
 _WIDTH_INCH, _ALONE_INCH, _MIN_HEIGHT_INCH = 10.0, 6.5, 5.2
 _ROW_INCH = 0.34  # of a joint's bar
-_TRIAD_SHARE = 0.10  # of half the picture's width: the axes of a frame
-_ARROW_SHARE = 0.45  # of it: gravity
-_AXIS_SHARE = 0.12  # of it, to either side: the axis of a joint
+_TRIAD_SHARE = 0.10  # length of a frame's axes, relative to half the plot's width
+_ARROW_SHARE = 0.45  # length of gravity's arrow, likewise
+_AXIS_SHARE = 0.12  # half the length of a joint's axis, likewise
 _MAX_MASS_POINTS = 16.0  # [points] across
 _MAX_OTHER_POSES = 12  # drawn at most
 _MANY_JOINTS = 8
-_SAME_PLACE_SHARE = 0.02  # of half the width: joints whose numbers stand at one place
+_SAME_PLACE_SHARE = 0.02  # largest distance of joints with a common label, likewise
 
 
 class ShownFigure(Figure):
@@ -59,18 +59,26 @@ def plot(
     hide: Sequence[Part] = (),
     on: Axes | Figure | None = None,
 ) -> Figure:
-    """Draw a robot in its base frame, and the torques that hold it still; return the figure, whose `savefig` writes it.
+    """Draw a robot in its base frame, with its holding torques.
 
-    Lines are links, from joint to joint; squares the base, dots the ends; numbers the joints, as their bars. A short
-    line is the axis that a joint turns about, a dashed one the way that it slides; spheres are centres of mass, their
-    volume as the mass.
+    Lines are links, from joint to joint; a square is the base, dots are the ends; numbers are joints, as in the bars. A
+    short line is the axis of a revolute joint, a dashed one the range of a prismatic joint; spheres are centres of
+    mass, with volumes proportional to the masses.
 
     Args:
-        model: The robot; links without mass in its description have no sphere, and then there are no torques.
-        q: (n,) [rad|m], the middle of its ranges when None; or (N, n) poses: the first whole, others as lines.
-        gravity: (3,) in base axes, down [m/s2].
-        hide: What not to draw, of "frames", "masses", "gravity" and "torques".
-        on: Matplotlib's empty figure to draw on, or axes of three dimensions, for the arm without torques.
+        model: Robot; torques are omitted if links have no mass in its description.
+        q: (n,) [rad|m], the middle of its ranges when None; or (N, n) poses, all but the first as lines only.
+        gravity: (3,) in base axes [m/s2].
+        hide: Parts to omit, of "frames", "masses", "gravity" and "torques".
+        on: Empty Matplotlib figure, or 3D axes for the arm without torques.
+
+    Returns:
+        Figure; `savefig` writes it.
+
+    Example:
+        >>> figure = catenary.plot(catenary.load_robot("two_link"), [0.3, 0.5])
+        >>> len(figure.axes)
+        2
     """
     rows, _ = as_batch("q", middle_pose(model) if q is None else q, model.n)
     down = as_array("gravity", gravity, (3,))
@@ -84,14 +92,19 @@ def plot(
     if bars:
         draw_torque_bars(bars, model, rows[0], gravity_torque(model, rows, down))
         over = f"; lines: over all {len(rows)} poses" if len(rows) > 1 else ""
-        bars[0].set_title(f"torques that hold it still{over}", fontsize=9, loc="left")
+        bars[0].set_title(f"holding torques{over}", fontsize=9, loc="left")
     return axes.get_figure(root=True)
 
 
 def robot_picture(model: RobotModel, q: ArrayLike, caption: str, *, gravity: ArrayLike = LEVEL) -> Picture:
-    """Draw a robot for a page, in one pose or several; arguments as of `plot`."""
+    """Draw a robot for a page.
+
+    Args:
+        q: (n,) pose or (N, n) poses [rad|m].
+        gravity: (3,) in base axes [m/s2].
+    """
     figure = plot(model, q, gravity=gravity)
-    return picture(figure, caption, f"The robot {model.name} drawn in space, with what holds it still.")
+    return picture(figure, caption, f"The robot {model.name} in three dimensions, with its holding torques.")
 
 
 def middle_pose(model: RobotModel) -> Floats:
@@ -103,7 +116,7 @@ def middle_pose(model: RobotModel) -> Floats:
 
 
 def _places(model: RobotModel, on: Any, *, with_bars: bool) -> tuple[Any, list[Any]]:
-    """Return axes for the arm, and one for the bars of each unit."""
+    """Return axes for the arm, and axes for the torque bars of each unit."""
     if isinstance(on, Axes):
         if on.name != "3d":
             raise InputError('on: axes of two dimensions; expected plt.subplot(projection="3d"), or a figure')
@@ -143,7 +156,7 @@ def _draw_robot(axes: Any, model: RobotModel, rows: Floats, gravity: Floats, hid
     if "gravity" not in hide:
         _draw_gravity(axes, gravity, middle, half)
     axes.set_title(model.name, fontsize=10)
-    if axes.get_legend_handles_labels()[0]:  # what is drawn, named below it
+    if axes.get_legend_handles_labels()[0]:
         legend = axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.0), ncols=2, frameon=False, fontsize=8)
         for handle in legend.legend_handles:
             if hasattr(handle, "set_sizes"):
@@ -156,14 +169,14 @@ def _draw_triad(axes: Any, rotation: Floats, origin: Floats, size: float) -> Non
 
 
 def _draw_joints(axes: Any, model: RobotModel, q: Floats, rotations: Floats, origins: Floats, half: float) -> None:
-    """Draw the joints' axes, and their numbers: several of one place together."""
+    """Draw the joints' axes and numbers; coincident joints share a label."""
     tree = model.tree
     numbers: list[tuple[Floats, list[str]]] = []
     for coordinate in range(model.n):
         links = np.flatnonzero(model.coupling[:, coordinate])
         if not len(links):
             continue
-        link = int(links[0])  # the first that it moves
+        link = int(links[0])  # the first one that moves
         origin, along = 1e3 * origins[link], rotations[link] @ tree.axis[link]
         start, end = -_AXIS_SHARE * half, _AXIS_SHARE * half
         style: dict[str, Any] = {"linewidth": 4.0, "alpha": 0.75}
@@ -210,7 +223,7 @@ def _draw_gravity(axes: Any, gravity: Floats, middle: Floats, half: float) -> No
 
 
 def end_frames(model: RobotModel) -> list[str]:
-    """Return the frames at a robot's ends: its tip, and the farthest one on every other link that carries none."""
+    """Return the frames at a robot's ends: its tip, and the farthest one on every other terminal link."""
     farthest: dict[int, tuple[float, str]] = {}
     for name, (link, pose) in model.frames.items():
         distance = float(np.linalg.norm(pose.position))
@@ -221,7 +234,7 @@ def end_frames(model: RobotModel) -> list[str]:
 
 
 def link_segments(model: RobotModel, q: Floats) -> Floats:
-    """Return an arm's lines at q (n,) [rad|m], (S, 2, 3) [m]: to its links' frames in order, then to `end_frames`."""
+    """Return an arm's line segments (S, 2, 3) [m] at q (n,) [rad|m]: to its links' frames, then to `end_frames`."""
     origins = link_poses(model, q)[1]
     starts = [np.zeros(3) if parent < 0 else origins[parent] for parent in model.tree.parent]
     lines = list(zip(starts, origins, strict=True))
@@ -232,7 +245,7 @@ def link_segments(model: RobotModel, q: Floats) -> Floats:
 
 
 def draw_links(axes: Any, model: RobotModel, q: Floats, *, width: float = 2.5, alpha: float = 1.0) -> Floats:
-    """Draw an arm at q (n,) [rad|m] as lines, a square at its base, dots at its ends; return points, (P, 3) [mm]."""
+    """Draw an arm at q (n,) [rad|m] as lines, a square at its base, dots at its ends; return its points (P, 3) [mm]."""
     segments = 1e3 * link_segments(model, q)
     links = len(model.link_names)
     for k, line in enumerate(segments):
@@ -244,7 +257,7 @@ def draw_links(axes: Any, model: RobotModel, q: Floats, *, width: float = 2.5, a
 
 
 def equal_axes(axes: Any, points: Floats) -> tuple[Floats, float]:
-    """Show a millimetre as long along every axis, and name the axes; return the middle (3,) and half the width [mm]."""
+    """Set equal scales and labels of 3D axes; return the centre (3,) and half the width [mm]."""
     from matplotlib.ticker import MaxNLocator
 
     middle: Floats = (points.max(axis=0) + points.min(axis=0)) / 2.0
@@ -259,13 +272,13 @@ def equal_axes(axes: Any, points: Floats) -> tuple[Floats, float]:
 
 
 def joints_by_unit(model: RobotModel) -> dict[str, list[int]]:
-    """Return the joints that turn and those that slide, by the unit of what moves them; units without a joint not."""
+    """Return the indices of the joints by their torque unit, Nm or N."""
     units = [TORQUE_UNIT[unit] for unit in model.joint_units]
     return {unit: [j for j, own in enumerate(units) if own == unit] for unit in dict.fromkeys(units)}
 
 
 def draw_torque_bars(places: Sequence[Any], model: RobotModel, q: Floats, tau: Floats) -> None:
-    """Draw a bar for each joint's torque, of the first row of tau (N, n) [Nm|N], and a line over all rows."""
+    """Draw a bar for each joint's torque in the first row of tau (N, n) [Nm|N], and a line for the range of all."""
     for axes, (unit, joints) in zip(places, joints_by_unit(model).items(), strict=True):
         _draw_unit(axes, model, q, tau, unit, joints)
 
@@ -280,7 +293,7 @@ def _draw_unit(axes: Any, model: RobotModel, q: Floats, tau: Floats, unit: str, 
     shown = limits <= _SHOWN_LIMIT_BARS * reach
     for side in (-1.0, 1.0):
         axes.vlines(side * limits[shown], rows[shown] - 0.4, rows[shown] + 0.4, color=_LIMIT_COLOR, linewidth=1.5)
-    # names of the values stand beside the bars, so that a short one can be read as well
+    # values are written beside the bars, so that short bars are readable
     least, most = np.minimum(own.min(axis=0), 0.0), np.maximum(own.max(axis=0), 0.0)
     for row, (value, limit) in enumerate(zip(own[0], limits, strict=True)):
         share = f" ({100.0 * abs(value) / limit:.0f} % of {limit:g})" if np.isfinite(limit) else ""
@@ -290,7 +303,7 @@ def _draw_unit(axes: Any, model: RobotModel, q: Floats, tau: Floats, unit: str, 
         style = {"fontsize": 8, "va": "center", "ha": where, "bbox": box}
         axes.annotate(text, (end, row), xytext=(away, 0.0), textcoords="offset points", **style)
     low, high = min([*least, *-limits[shown]]), max([*most, *limits[shown]])
-    # room for what is written at the ends, as a share of the whole width
+    # margin for the text at the ends, relative to the whole width
     written = _WIDE_TEXT_SHARE if np.isfinite(limits).any() else _SHORT_TEXT_SHARE
     left = written if (own[0] < -_ROUNDING_TORQUE).any() else 0.02
     whole = (high - low) / (1.0 - left - written) if high > low else 1.0

@@ -1,4 +1,4 @@
-"""What a robot's base is mounted on, by name: how hard and how fast each moves by itself."""
+"""Platforms that carry a robot's base (table, cart, vehicle, ship): spectra of their own accelerations."""
 
 import math
 from dataclasses import dataclass
@@ -8,13 +8,13 @@ from catenary.errors import InputError
 
 @dataclass(frozen=True)
 class BaseSpectrum:
-    """How a base moves by itself: what is usual there, by which a sensor is judged sooner or later."""
+    """Accelerations that a platform makes in normal use; they set the thresholds of fault detection."""
 
-    slow_acceleration: float = 0.0  # [m/s2] what lasts for seconds: heave, surge, braking; 0 for none
+    slow_acceleration: float = 0.0  # [m/s2] amplitude of heave, surge and braking that last for seconds; 0 for none
     slowest_hz: float = 1.0  # lowest frequency of slow accelerations
     fastest_hz: float = 1.0  # their highest
-    jolt: float = 1.0  # [m/s2] accelerations that appear from one sample to the next
-    push: float = 1.4  # [m/s2] the hardest across gravity while the base does not turn; inf where that tells nothing
+    jolt: float = 1.0  # [m/s2] largest change of acceleration between two samples
+    push: float = 1.4  # [m/s2] largest across gravity while the base does not turn; inf: not used to detect faults
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -27,7 +27,7 @@ class BaseSpectrum:
 
     @property
     def attitude_time(self) -> float:
-        """Time over which the direction of `fade` is averaged [s]: a period of the slowest motion."""
+        """Averaging time of the direction that fallback `fade` converges to [s]: a period of the slowest motion."""
         return 2.0 if self.slow_acceleration == 0.0 else max(2.0, 1.0 / self.slowest_hz)
 
     @property
@@ -37,7 +37,7 @@ class BaseSpectrum:
 
     @property
     def slow_jerk(self) -> float:
-        """How fast slow accelerations change [m/s3]."""
+        """Largest rate of change of slow accelerations [m/s3]."""
         return 2.0 * math.pi * self.fastest_hz * self.slow_acceleration
 
 
@@ -51,7 +51,7 @@ BASES: dict[str, BaseSpectrum] = {
 
 
 def base_spectrum(base: str | BaseSpectrum) -> BaseSpectrum:
-    """Return how a base of a name moves; a spectrum itself is returned as it is."""
+    """Return the spectrum of a platform by its name; a spectrum is returned unchanged."""
     if isinstance(base, BaseSpectrum):
         return base
     if not isinstance(base, str) or base not in BASES:

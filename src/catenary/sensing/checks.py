@@ -1,4 +1,4 @@
-"""Which samples of an accelerometer or a gyroscope are believed; the others are named by their fault."""
+"""Fault detection of accelerometer and gyroscope samples: raw readings, gravity's plausibility, angular rates."""
 
 import math
 import tomllib
@@ -13,28 +13,28 @@ from catenary.sensing.bases import BaseSpectrum
 from catenary.spatial import STANDARD_GRAVITY, cross
 
 Vector = tuple[float, float, float]
-_MAX_RATE = 20.0  # [rad/s] no base turns so fast
-_MAX_RATE_STEP = 0.5  # [rad/s] between a rate and what those before it foretell
-_FUTURE_S = 0.005  # [s] by which a stamp may lie ahead of the reader's clock
-CONFIRM = 5  # good readings in a row before a sensor is believed, at first or after a fault
-_ACCEPT_JUMP_S = 0.5  # [s] for which a jump that nothing explains must last to be believed
-_TRUST_AGAIN_S = 10.0  # [s] of good readings after which a sensor is believed that jumped as no base can
-_MAX_TILT = math.radians(120.0)  # [rad] from level when samples begin, of a base that does not hang
-_CALIBRATION = 0.8  # [m/s2] by which a cheap sensor's length is off: 80 mg on its z axis (MPU-6050, table 6.2)
-_SLOW_LEFT = 0.5  # [m/s2] of slow accelerations that may be left in the mean
-_MAX_ACCELERATION = 7.0  # [m/s2] of a base, beyond vibration: a length is gravity's, give or take it
-_MINUTE_S = 60.0  # [s] over which the accelerations of every base average out
-_EVEN, _SMOOTH_S = 0.06, 0.3  # [m/s2] to which a length is even, smoothed over so long [s]
-# [s] for which no base accelerates evenly, and one that heaves slowly; by more than what may be live
-_EVEN_S, _EVEN_SLOW_S, _OFF = 2.5, 10.0, 0.3
-_REST_SPREAD = 0.3  # [m/s2] standard deviation at rest, of the three axes together, at most
-_ROUGH_SIGMAS = 4.0  # standard deviations of vibration and noise that a step may have
-_AS_IT_IS = np.eye(3)
+_MAX_RATE = 20.0  # [rad/s] faster than any base turns
+_MAX_RATE_STEP = 0.5  # [rad/s] between a rate and its prediction from earlier ones
+_FUTURE_S = 0.005  # [s] tolerance of stamps ahead of the reader's clock
+_CONFIRM_READINGS = 5  # consecutive good readings before a sensor is accepted, at first or after a fault
+_ACCEPT_JUMP_S = 0.5  # [s] after which an unexplained jump is accepted
+_TRUST_AGAIN_S = 10.0  # [s] of good readings after a jump that no base can make
+_MAX_TILT = math.radians(120.0)  # [rad] initial tilt of a base that does not hang
+_CALIBRATION = 0.8  # [m/s2] length error of a cheap sensor: 80 mg on its z axis (MPU-6050, table 6.2)
+_SLOW_RESIDUAL = 0.5  # [m/s2] of slow accelerations that may remain in the mean
+_MAX_ACCELERATION = 7.0  # [m/s2] of a base, beyond vibration: largest difference of a length from gravity's
+_MEAN_S = 60.0  # [s] averaging time over which the accelerations of every base cancel
+_EVEN_LENGTH, _SMOOTH_S = 0.06, 0.3  # [m/s2] band of a constant length, and its smoothing time [s]
+# [s] longest constant acceleration of a base, and of one that heaves slowly; [m/s2] least length error that counts
+_EVEN_S, _EVEN_SLOW_S, _MIN_LENGTH_ERROR = 2.5, 10.0, 0.3
+_REST_SPREAD = 0.3  # [m/s2] largest standard deviation at rest, of the three axes together
+_ROUGH_SIGMAS = 4.0  # largest step of vibration and noise, in standard deviations
+_EYE = np.eye(3)
 _ORDERS = [np.array(p) for p in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0))]
 
 
 class Fault(Flag):
-    """Faults, which may come together."""
+    """Faults of an accelerometer or a gyroscope, which can be combined."""
 
     NONE = 0
     NOTHING_RECEIVED = auto()
@@ -76,12 +76,12 @@ class Fault(Flag):
 
     @property
     def message(self) -> str:
-        """What it means and what to do about it; a sentence for each of several faults."""
+        """Meaning and remedy, one sentence for each fault."""
         return "; ".join(_messages()[name] for name in self.names)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The name of each, in lower case."""
+        """Names in lower case."""
         return tuple(str(fault.name).lower() for fault in self)
 
 
@@ -91,18 +91,17 @@ def _messages() -> dict[str, str]:
 
 
 class RawCheck:
-    """Faults that show in a reading alone and the one before, in the sensor's own axes."""
+    """Detect faults from a reading and its predecessor, in the sensor's own axes."""
 
-    # closer than that is no second measurement, and parabolas through it would be noise
-    CLOSEST = 1e-4  # [s]
-    ABSURD = 1e5  # in any unit: as good as infinite
+    MIN_INTERVAL_S = 1e-4  # closer stamps are the same measurement, and parabolas through them would be noise
+    MAX_VALUE = 1e5  # in any unit: treated as infinite
 
     def __init__(self, stuck_samples: int, full_range: float, faults: tuple[Fault, Fault, Fault]) -> None:
-        """Take how many identical readings in a row make a sensor stuck, 0 for none; the range of an axis; and the
-        faults of readings that are not finite, stuck and saturated.
+        """Set the number of identical readings of a stuck sensor, 0 for no such check; the largest reading of an axis;
+        and the faults of readings that are not finite, stuck and saturated.
         """
         self._stuck_samples = stuck_samples
-        # what lies far beyond the range does not come from a sensor that is at its end: another unit, or a spike
+        # values far beyond the range are not saturation, but another unit or a spike
         self._end, self._beyond = 0.995 * full_range, 1.05 * full_range
         self._not_finite, self._stuck, self._saturated = faults
         self._newest = -math.inf
@@ -115,11 +114,11 @@ class RawCheck:
             return Fault.STAMP_FUTURE
         if stamp < self._newest:
             return Fault.STAMP_BACKWARDS
-        if stamp - self._newest < self.CLOSEST:
+        if stamp - self._newest < self.MIN_INTERVAL_S:
             return Fault.STAMP_REPEATED
         x, y, z = vector
         largest = max(abs(x), abs(y), abs(z))
-        if not (math.isfinite(x + y + z) and largest < self.ABSURD):
+        if not (math.isfinite(x + y + z) and largest < self.MAX_VALUE):
             return self._not_finite
         self._newest = stamp
         self._same = self._same + 1 if vector == self._last else 1
@@ -132,77 +131,76 @@ class RawCheck:
 
 
 class GravityCheck:
-    """Faults of readings that cannot be gravity seen from a base, or do not follow from those before.
+    """Detect readings that cannot be gravity seen from a base, or that contradict earlier ones.
 
-    Works on free-fall acceleration in base axes. What no base can do is rejected until the readings come back:
-    mistakes of a sensor (opposite sign, swapped axes, another unit), and jumps from one sample to the next, beyond what
-    vibration makes of them. How a fault is left is one rule: the readings are back at gravity as last believed, turned
-    along with the gyroscope, for `CONFIRM` of them; or they have changed smoothly for a while, explained by no mistake:
-    for half a second where another gravity may be true, after a gap or other faults, for ten where no base can turn so.
+    Works on free-fall acceleration in base axes. Sensor mistakes (opposite sign, swapped axes, another unit) and jumps
+    beyond vibration are rejected. A fault ends in one of two ways: `_CONFIRM_READINGS` readings agree with the last
+    accepted gravity, rotated by the gyroscope; or readings have changed smoothly and no mistake explains them, for
+    half a second after a gap or another fault, for 10 s after a jump that no base can make.
     """
 
-    MEMORY = 0.15  # [s] over which mean, spread and roughness are taken
-    REST = 0.5  # [s] for which readings must stand still
-    GAP = 0.05  # [s] without samples, in which a base may have gone anywhere
-    FEW = 3  # bad samples in a row that are a spike, after which the next good one is believed at once
-    JERKY = 50.0  # [rad/s2] with which a base may begin to turn between two samples
-    LEVER = 0.5  # [m] from the axis that a base turns about, at most: by it readings are longer or shorter
+    MEMORY = 0.15  # [s] averaging time of mean, spread and roughness
+    REST = 0.5  # [s] least duration of a rest
+    GAP = 0.05  # [s] without samples after which any attitude is possible
+    SPIKE = 3  # samples; the next good sample is accepted at once
+    MAX_ALPHA = 50.0  # [rad/s2] of a base between two samples
+    LEVER = 0.5  # [m] largest distance of the base's origin from its axis of rotation
 
     def __init__(self, base: BaseSpectrum, *, lever: float = 0.0, hanging: bool = False) -> None:
-        """Take how the base moves by itself, how far from its origin the sensor is [m], and whether it may hang."""
+        """Set the platform's accelerations, the sensor's distance from the base's origin [m], and if it may hang."""
         self._lever = self.LEVER + lever
-        self._times = np.array([base.mean_time, _MINUTE_S])
+        self._times = np.array([base.mean_time, _MEAN_S])
         self._base, self._least_down = base, -1.0 if hanging else math.cos(_MAX_TILT)
         self.forget()
 
     def forget(self) -> None:
         """Forget all readings."""
-        self.reference: Floats | None = None  # gravity as last believed, turned along with the gyroscope
+        self.reference: Floats | None = None  # last accepted gravity, rotated by the gyroscope
         self._last, self.last_stamp = np.zeros(3), -math.inf
-        self._bad, self._good, self._fault, self._mistake = 0, 0, Fault.NONE, _AS_IT_IS
+        self._bad, self._good, self._fault, self._mistake = 0, 0, Fault.NONE, _EYE
         self._bad_since = self._jump_since = math.inf
         self._impossible = False
-        self.doubted_until = -math.inf  # [s] by a disagreement, whose end may be a jump
-        self.mean, self._variance, self._rough = np.zeros(3), 0.0, 0.0  # of readings of late; an axis's step, squared
-        self._lengths, self._mean_since, self._begun = np.zeros(2), math.inf, math.inf  # in the mean, short and long
-        self._leapt_at, self._leapt_from = math.inf, 0.0  # [s] when the length last was another at once, and which
-        self._length, self._even, self._even_since = STANDARD_GRAVITY, 0.0, math.inf  # smoothed; where and since when
-        self._outwards = 0.0  # [m/s2] that turning may make of a length
+        self.doubted_until = -math.inf  # [s] after a disagreement, which may end in a jump
+        self.mean, self._variance, self._rough = np.zeros(3), 0.0, 0.0  # of recent readings; squared step of an axis
+        self._lengths, self._mean_since, self._begun = np.zeros(2), math.inf, math.inf  # means over short and long
+        self._leapt_at, self._leapt_from = math.inf, 0.0  # [s] of the last jump in length, and the length before it
+        self._length, self._even, self._even_since = STANDARD_GRAVITY, 0.0, math.inf  # smoothed; constant value, since
+        self._outwards = 0.0  # [m/s2] change of length by rotation
         self.steady_since = math.inf
 
     @property
     def is_steady(self) -> bool:
-        """The readings, believed or not, have stood still for a while."""
+        """The readings, accepted or not, have been constant for `REST`."""
         return self.last_stamp - self.steady_since >= self.REST
 
     @property
     def is_long(self) -> bool:
-        """Readings are longer or shorter in the mean than gravity, slow accelerations and turning make them."""
+        """The mean length of readings differs from gravity by more than slow accelerations and rotation explain."""
         young = self.last_stamp - self._mean_since < self._base.mean_time
         slow = self._base.slow_acceleration if young or self.is_steady else 0.0
         return abs(self._lengths[0] - STANDARD_GRAVITY) > self._tolerance + slow + self._outwards
 
     @property
     def length_off(self) -> float:
-        """How much longer or shorter than gravity readings are, evenly or over a minute, as no base moves [m/s2]."""
+        """Length error that no motion of a base explains, constant or averaged over a minute [m/s2]; 0 for none."""
         steadily = abs(self._length - STANDARD_GRAVITY) - self._outwards
         if self.last_stamp - self._even_since > (_EVEN_S if self._base.slow_acceleration == 0.0 else _EVEN_SLOW_S):
-            return steadily if steadily > _OFF else 0.0
+            return steadily if steadily > _MIN_LENGTH_ERROR else 0.0
         off = abs(self._lengths[1] - STANDARD_GRAVITY)
-        is_sure = self.last_stamp - self._mean_since > _MINUTE_S
+        is_sure = self.last_stamp - self._mean_since > _MEAN_S
         return off if is_sure and off > self._tolerance + self._outwards else 0.0
 
     @property
     def _tolerance(self) -> float:
         # vibration lengthens readings in the mean
-        left = _SLOW_LEFT if self._base.slow_acceleration > 0.0 else 0.0
+        left = _SLOW_RESIDUAL if self._base.slow_acceleration > 0.0 else 0.0
         return _CALIBRATION + left + 3.0 * self._rough / STANDARD_GRAVITY
 
     def fault(self, stamp: float, gravity: Floats, expected: Floats, rate: Floats | None, swing: float = 0.0) -> Fault:
         """Return the fault of a reading, NONE if it has none.
 
-        gravity (3,) is the reading, expected (3,) its prediction by the believed ones before it, not used before there
-        are any; rate (3,) the angular velocity [rad/s], where it is known, and swing its change, at most [rad/s2].
+        gravity (3,) is the reading in base axes, expected (3,) its prediction from accepted ones, not used before the
+        first; rate (3,) the angular velocity [rad/s], if known, and swing a bound on its derivative [rad/s2].
         """
         dt = stamp - self.last_stamp
         step = norm(gravity - self._last) if math.isfinite(dt) else math.inf
@@ -214,7 +212,7 @@ class GravityCheck:
         outwards = 0.0 if rate is None else self._lever * (float(rate @ rate) + swing)
         self._outwards = max(outwards, self._outwards * math.exp(-dt / self._base.mean_time))
         self._length += min(1.0, dt / _SMOOTH_S) * (norm(expected) - self._length)
-        if abs(self._length - self._even) > _EVEN:
+        if abs(self._length - self._even) > _EVEN_LENGTH:
             self._even, self._even_since = self._length, stamp
         fault = self._length_fault(length, expected)
         is_back = abs(self._lengths[0] - self._leapt_from) < 0.5 * limit + self._base.slow_acceleration
@@ -222,40 +220,40 @@ class GravityCheck:
             self._leapt_at = math.inf
         if fault is Fault.NONE and self._leapt_at < math.inf:
             fault = Fault.MAGNITUDE
-        max_step = limit + self._lever * swing + 0.5 * self.JERKY * min(dt, 2.0 * self.GAP) ** 2 * length
+        max_step = limit + self._lever * swing + 0.5 * self.MAX_ALPHA * min(dt, 2.0 * self.GAP) ** 2 * length
         if self._bad > 0 and rate is not None and dt < 0.1:
             self.reference = self.reference - dt * cross(rate, self.reference)
-        # after a fault the prediction is old: gravity as last believed is what to come back to
+        # after a fault the prediction is old: compare with the last accepted gravity
         wanted = expected if self._bad == 0 else self.reference
         off, moved_on = norm(gravity - wanted), 0.0
         if self._bad == 0:
             off = min(step, off)
             if fault is Fault.NONE and off < 0.8 * max_step:
                 self._roughen(dt, step, limit)
-        else:  # by slow accelerations since it was last believed
+        else:  # slow accelerations since the last accepted reading
             moved_on = min(self._base.slow_acceleration, self._base.slow_jerk * (stamp - self._bad_since))
-            if fault is Fault.NONE and self._bad > self.FEW:
+            if fault is Fault.NONE and self._bad > self.SPIKE:
                 self._roughen(dt, step, limit)
-        if fault is Fault.NONE and off <= max_step + moved_on and not self._may_be_mistaken(gravity, max_step):
+        if fault is Fault.NONE and off <= max_step + moved_on and not self._is_hidden(gravity, max_step):
             self._good += 1
-            if self._bad > self.FEW and self._good < CONFIRM:
-                return self._fault  # one good sample may be luck
+            if self._bad > self.SPIKE and self._good < _CONFIRM_READINGS:
+                return self._fault  # a single good sample may be chance
             return self._believe(gravity)
         return self._doubt(stamp, gravity, wanted, step, max_step, dt, fault)
 
     def _doubt(
         self, stamp: float, gravity: Floats, wanted: Floats, step: float, max_step: float, dt: float, fault: Fault
     ) -> Fault:
-        """Return the fault of a reading that is not what was wanted (3,), or believe it where that has lasted."""
+        """Return the fault of a reading that differs from `wanted` (3,), or accept it if the difference has lasted."""
         self._bad += 1
         self._good = 0
-        # a mistake shows at once: where gravity is like it later, the base has turned so meanwhile
-        if fault is Fault.NONE and (self._bad <= self.FEW or self._fault in (Fault.WRONG_SIGN, Fault.AXES_SWAPPED)):
-            found, mend = explain(gravity, wanted)
-            if found is not Fault.NONE:
-                fault, self._mistake = found, mend
+        # a mistake shows at once; if gravity resembles it later, the base has turned meanwhile
+        if fault is Fault.NONE and (self._bad <= self.SPIKE or self._fault in (Fault.WRONG_SIGN, Fault.AXES_SWAPPED)):
+            mistake, correction = explain(gravity, wanted)
+            if mistake is not Fault.NONE:
+                fault, self._mistake = mistake, correction
             elif (
-                self._mistake is not _AS_IT_IS
+                self._mistake is not _EYE
                 and norm(self._mistake @ gravity - wanted) <= norm(gravity - wanted) + max_step
             ):
                 fault = self._fault
@@ -263,8 +261,8 @@ class GravityCheck:
             self._bad_since = stamp
             self._impossible = fault is Fault.NONE and dt < self.GAP and stamp > self.doubted_until
         if fault is not Fault.NONE:
-            self._jump_since = math.inf  # a mistake does not become true by lasting
-            if fault is Fault.MAGNITUDE and self._bad <= self.FEW and not self.is_steady:
+            self._jump_since = math.inf  # a mistake is never accepted, however long it lasts
+            if fault is Fault.MAGNITUDE and self._bad <= self.SPIKE and not self.is_steady:
                 fault = Fault.SPIKE
         else:
             if step > max_step or self._jump_since == math.inf:
@@ -272,23 +270,21 @@ class GravityCheck:
             after = _TRUST_AGAIN_S if self._impossible else _ACCEPT_JUMP_S
             if stamp - self._jump_since >= after:
                 return self._believe(gravity)
-            fault = Fault.SPIKE if self._bad <= self.FEW else Fault.JUMP
+            fault = Fault.SPIKE if self._bad <= self.SPIKE else Fault.JUMP
         self._fault = fault
         return fault
 
-    def _may_be_mistaken(self, gravity: Floats, limit: float) -> bool:
-        """Whether a mistake that was found leaves a reading as it is: it does not show then whether it has gone."""
-        return (
-            self._bad > self.FEW and norm(self._mistake @ gravity - gravity) < limit and self._mistake is not _AS_IT_IS
-        )
+    def _is_hidden(self, gravity: Floats, limit: float) -> bool:
+        """Check if the detected mistake leaves a reading unchanged, so that its end cannot be seen."""
+        return self._bad > self.SPIKE and norm(self._mistake @ gravity - gravity) < limit and self._mistake is not _EYE
 
     def _believe(self, gravity: Floats) -> Fault:
-        self._bad, self._jump_since, self._mistake = 0, math.inf, _AS_IT_IS
+        self._bad, self._jump_since, self._mistake = 0, math.inf, _EYE
         self.reference = gravity
         return Fault.NONE
 
     def _begin(self, stamp: float, gravity: Floats, dt: float, step: float, limit: float) -> Fault:
-        """Believe the first samples once a few in a row are alike, or shake about gravity for long enough."""
+        """Accept the first samples once a few in a row agree, or vibrate about gravity for long enough."""
         self._good = self._good + 1 if step <= limit else 1
         if self._good == 1:
             self._begun = stamp
@@ -303,12 +299,16 @@ class GravityCheck:
             fault = Fault.UPSIDE_DOWN
         if fault is not Fault.NONE and not shaken:
             self._good = 0
-        elif fault is Fault.NONE and self._good >= CONFIRM and (not shaken or stamp - self._begun > self.MEMORY):
+        elif (
+            fault is Fault.NONE
+            and self._good >= _CONFIRM_READINGS
+            and (not shaken or stamp - self._begun > self.MEMORY)
+        ):
             self._believe(gravity)
         return fault
 
     def _roughen(self, dt: float, step: float, limit: float) -> None:
-        """Learn from a step how much readings differ by noise and vibration, a little beyond what they did."""
+        """Update the variance of steps by noise and vibration, limited to just above its present value."""
         if math.isfinite(step):
             share = 1.0 - math.exp(-dt / self.MEMORY)
             self._rough += share * (min(step, limit) ** 2 / 6.0 - self._rough)
@@ -328,13 +328,13 @@ class GravityCheck:
         return Fault.GRAVITY_STRIPPED if stripped else Fault.MAGNITUDE
 
     def _watch_rest(self, stamp: float, gravity: Floats, dt: float, length: float, limit: float) -> None:
-        """Update running means and variance, to know when readings stand still, and how long they are in the mean."""
+        """Update running means and variance, which show rests and the mean length of readings."""
         if not 0.0 < dt < self.REST or abs(length - norm(self._last)) > limit:
             if self.reference is not None and dt < self.REST and math.isinf(self._leapt_at):
                 self._leapt_at, self._leapt_from = stamp, float(self._lengths[0])
             self._lengths[:], self._mean_since = length, stamp
         else:
-            # at first over all readings there were: of a wave's first part one that forgets would keep most
+            # at first a plain mean: an exponential one would be biased by the first part of a wave
             shares = np.maximum(dt / (stamp - self._mean_since), 1.0 - np.exp(-dt / self._times))
             self._lengths += shares * (length - self._lengths)
         if not 0.0 < dt < self.REST:
@@ -351,17 +351,17 @@ class GravityCheck:
 
 
 class RateCheck:
-    """Faults of angular rates that cannot be a base's, or do not follow from those before."""
+    """Detect angular rates that a base cannot have, or that contradict earlier ones."""
 
     def __init__(self) -> None:
         self._last = np.zeros(3)
-        self._alike = 0  # samples in a row, each near the one before
+        self._alike = 0  # consecutive samples, each near its predecessor
         self._doubted = False
-        self.believed = False  # the last one; the first few are waited for, which is no fault
-        self.leapt = False  # it is believed again after a leap, elsewhere than before
+        self.believed = False  # the last sample is accepted; waiting for the first few is no fault
+        self.leapt = False  # rates are accepted again after a jump to other values
 
     def fault(self, rate: Floats, expected: Floats | None) -> Fault:
-        """Return the fault of a rate (3,) [rad/s]; `expected` is the prediction by those before, None if too old."""
+        """Return the fault of a rate (3,) [rad/s]; `expected` (3,) is its prediction, None if that is too old."""
         self._alike = self._alike + 1 if norm(rate - self._last) <= _MAX_RATE_STEP else 0
         self._last = rate
         self.believed = self.leapt = False
@@ -369,8 +369,8 @@ class RateCheck:
             self._alike, self._doubted = 0, True
             return Fault.RATE_TOO_FAST
         near = expected is not None and norm(rate - expected) <= _MAX_RATE_STEP
-        # a few that agree with each other are believed whatever was before
-        if near or self._alike >= CONFIRM:
+        # a few that agree with each other are accepted, whatever the prediction
+        if near or self._alike >= _CONFIRM_READINGS:
             self.leapt = self._doubted and not near
             self.believed, self._doubted = True, False
             return Fault.NONE
@@ -379,18 +379,18 @@ class RateCheck:
 
 
 def explain(gravity: Floats, wanted: Floats) -> tuple[Fault, Floats]:
-    """Return the mistake of a sensor that brings a reading five times nearer to what was expected, and what mends it.
+    """Identify a sign or axis mistake whose correction (3, 3) brings a reading (3,) five times nearer to `wanted` (3,).
 
-    NONE and the identity (3, 3) if there is none.
+    NONE and the identity if there is none.
     """
     off = 0.2 * norm(gravity - wanted)
     if norm(gravity + wanted) < off:
-        return Fault.WRONG_SIGN, -_AS_IT_IS
-    for order in _ORDERS:  # each axis holds another one's number, or the wrong sign of it
-        mended = np.sign(gravity[order] * wanted)[:, None] * _AS_IT_IS[order]
+        return Fault.WRONG_SIGN, -_EYE
+    for order in _ORDERS:  # axes swapped or negated
+        mended = np.sign(gravity[order] * wanted)[:, None] * _EYE[order]
         if norm(mended @ gravity - wanted) < off:
             return Fault.AXES_SWAPPED, mended
-    return Fault.NONE, _AS_IT_IS
+    return Fault.NONE, _EYE
 
 
 def norm(v: Floats) -> float:

@@ -1,4 +1,4 @@
-"""Fallbacks by name, one record each: what gravity becomes when samples stop, and what the help says of it."""
+"""Registry of gravity fallbacks (hold, fade, static, stop): gravity used when samples stop, and its help text."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,24 +9,24 @@ if TYPE_CHECKING:  # help reads these records, and starts without NumPy
 
 
 class Believed(Protocol):
-    """What a fallback may know, each (3,) in base axes [m/s2]."""
+    """Past gravity that a fallback can use, each (3,) in base axes [m/s2]."""
 
     def newest_gravity(self) -> "Floats":
-        """Return gravity as of the newest believed sample."""
+        """Return gravity at the newest accepted sample."""
 
     def mean_gravity(self) -> "Floats":
-        """Return gravity of standard length along its mean direction of the last seconds."""
+        """Return gravity of standard length along the mean direction of the last seconds."""
 
 
 @dataclass(frozen=True)
 class Fallback:
-    """What takes the place of gravity that is not measured any more.
+    """Substitute for gravity that is no longer measured.
 
     Args:
-        name: As it is typed.
-        words: What it is, in the words of the help.
-        gravity: What gravity becomes; that of a level base when None, which has no age.
-        stops: The robot is stopped, also when no sample was believed for a second.
+        name: Name in options and configuration.
+        words: Description in the help.
+        gravity: Substitute (3,) [m/s2] in base axes; None for that of a level base, which has no age.
+        stops: Stop the robot, also if no sample is accepted within the start limit.
     """
 
     name: str

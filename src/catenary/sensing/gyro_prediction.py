@@ -1,4 +1,4 @@
-"""Gravity as a gyroscope predicts it, to compare with what an accelerometer says; and a gyroscope's bias, at rest."""
+"""Gyroscope bias at rest, and gravity predicted by a gyroscope to detect disagreement with an accelerometer."""
 
 import math
 
@@ -10,22 +10,22 @@ from catenary.spatial import STANDARD_GRAVITY, cross
 
 
 class RestRate:
-    """The bias of a gyroscope: its mean when the base first stood still for a while, drawn to it in later rests.
+    """Estimate a gyroscope's bias: its mean in the first rest, low-pass filtered over later rests.
 
-    At rest are an accelerometer that stays where it is and rates that are slow and vary no more than noise. Slow even
-    turning about the vertical looks the same, and is taken for bias: its accelerations are too small to matter.
+    At rest gravity is constant, and rates are small and vary by noise only. Slow constant rotation about the vertical
+    looks the same and is taken for bias: its accelerations are negligible.
     """
 
-    REST = 2.0  # [s] for which the base must have stood still
-    MEMORY = 1.0  # [s] over which mean and spread are taken
-    MOVED = 0.15  # [m/s2] by which gravity moves meanwhile at most: a turn by a degree
+    REST = 2.0  # [s] least duration of a rest
+    MEMORY = 1.0  # [s] averaging time of mean and spread
+    MOVED = 0.15  # [m/s2] largest change of gravity in a rest: a turn by a degree
     SPREAD = 0.01  # [rad/s] standard deviation of the three axes together: five times a cheap sensor's
-    DRAW = 5.0  # [s] over which the bias is drawn to the mean
-    # [rad/s] of noise alone, three axes together: no gyroscope has so much; a cheap one has 0.0015, or 0.09 deg/s
-    ABSURD = 0.03
+    DRAW = 5.0  # [s] time constant of the bias
+    # [rad/s] of noise, three axes together: more than any gyroscope has; a cheap one has 0.0015, or 0.09 deg/s
+    MAX_NOISE = 0.03
 
     def __init__(self, largest: float) -> None:
-        """Take the largest rate that may be bias [rad/s]."""
+        """Set the largest rate that is taken for bias [rad/s]."""
         self._largest = largest
         self.bias = np.zeros(3)
         self.is_known = False
@@ -35,22 +35,22 @@ class RestRate:
 
     @property
     def is_in_degrees(self) -> bool:
-        """Its noise at rest is that of numbers in deg/s."""
+        """The noise at rest is that of values in deg/s."""
         return self._last - self._noisy_since >= 0.5 * self.REST
 
     def add(self, stamp: float, rate: Floats, gravity: Floats | None) -> None:
-        """Take a rate (3,) [rad/s], and what the accelerometer reads (3,) while it is steady [m/s2]."""
+        """Add a rate (3,) [rad/s], and the steady accelerometer reading (3,) [m/s2], None if it is not steady."""
         dt, self._last = stamp - self._last, stamp
         if not 0.0 < dt < self.MEMORY:
             self._mean, self._variance, self._since = rate, 0.0, math.inf
             self._before, self._noise, self._noisy_since = np.array([rate, rate]), 0.0, math.inf
             return
         share = 1.0 - math.exp(-dt / self.MEMORY)
-        # what neither a rate nor its change explains
+        # second difference: neither rate nor its slope contributes
         rough = rate - 2.0 * self._before[1] + self._before[0]
         self._before = np.array([self._before[1], rate])
-        self._noise += share * (min(float(rough @ rough) / 6.0, 4.0 * self.ABSURD**2) - self._noise)
-        is_noisy = gravity is not None and self._noise > self.ABSURD**2
+        self._noise += share * (min(float(rough @ rough) / 6.0, 4.0 * self.MAX_NOISE**2) - self._noise)
+        is_noisy = gravity is not None and self._noise > self.MAX_NOISE**2
         self._noisy_since = min(self._noisy_since, stamp) if is_noisy else math.inf
         off = rate - self._mean
         self._mean = self._mean + share * off
@@ -66,49 +66,49 @@ class RestRate:
 
 
 class PredictedGravity:
-    """Gravity as the gyroscope predicts it, to find a base that tips while its gyroscope says that it stands still.
+    """Predict gravity from angular rates, to detect a base that tips while its gyroscope reads zero.
 
-    Gravity as last sensed is turned along by the angular rates and drawn slowly towards what is sensed. A base that
-    stands still by its gyroscope may differ from it by a push, by accelerations that show in gravity's length (a push
-    across gravity lengthens it, a tip does not), and by what adds up to no more speed than a push gives. Which of both
-    sensors is wrong cannot be told: where they move together again, they stay apart by what came between, until the
-    accelerometer is back, or the gyroscope was found wrong.
+    The prediction is rotated by the gyroscope and low-pass filtered towards sensed gravity. While the gyroscope reads
+    zero, sensed gravity may differ from it by a push, by accelerations that show in gravity's length (a push across
+    gravity lengthens it, a tip does not), and by whatever integrates to less speed than a push gives. Which of the two
+    sensors is wrong cannot be decided: they stay in disagreement by the difference until the accelerometer
+    returns, or the gyroscope is found wrong.
     """
 
-    START = 1.0  # [s] over which the first readings are averaged before any is judged
-    AWHILE = 5.0  # [s] in its place where the base moved meanwhile
-    MOVED = 0.15  # [m/s2] by which it shows that it did
-    DRAW = 10.0  # [s] over which gravity is drawn to what is sensed, and its length
+    START = 1.0  # [s] initial average, before any reading is compared
+    START_MOVED = 5.0  # [s] the same if the base moved meanwhile
+    MOVED = 0.15  # [m/s2] change of gravity that shows motion
+    DRAW = 10.0  # [s] time constant of predicted gravity and of its length
     DRAW_RESTED = 30.0  # [s] the same with a gyroscope whose bias is known
-    SHORTENING = 1.0  # [s] over which the length follows shorter readings: pushes lengthen them
-    SMOOTH = 0.05  # [s] over which vibrations average out
-    STILL_RATE = 0.15  # [rad/s] below which a gyroscope says that the base stands still; more than its bias
-    AFTER_TURNING = 0.5  # [s] for which accelerations of a turn may go on
-    AGREES_S = 0.5  # [s] for which sensors that disagreed must agree
-    SURE = 0.03  # [m/s2] to which it is known
-    PUSH_S = 0.5  # [s] that the hardest push lasts
-    SPEED_S = 10.0  # [s] over which speed is forgotten
+    SHORTENING = 1.0  # [s] time constant of the length towards shorter readings: pushes lengthen them
+    SMOOTH = 0.05  # [s] time constant that averages vibration out
+    STILL_RATE = 0.15  # [rad/s] largest rate of a base at rest, above any bias
+    AFTER_TURNING = 0.5  # [s] for which accelerations of a turn may last
+    AGREES_S = 0.5  # [s] of agreement that end a disagreement
+    LENGTH_ERROR = 0.03  # [m/s2] of the length
+    PUSH_S = 0.5  # [s] duration of the hardest push
+    SPEED_S = 10.0  # [s] time constant of the integrated speed
 
     def __init__(self, push: float) -> None:
-        """Take the hardest push [m/s2]."""
+        """Set the hardest push [m/s2]."""
         self._push = push
         self.forget()
 
     def forget(self) -> None:
         """Forget all readings."""
         self._gravity: Floats | None = None
-        self._before: Floats | None = None  # what it would be now, had they not come apart
-        self.apart = 0.0  # [m/s2] by how much they still are
+        self._before: Floats | None = None  # prediction from before the disagreement
+        self.apart = 0.0  # [m/s2] remaining difference
         self._off, self._bias, self._rate, self._speed = np.zeros((4, 3))  # of readings from it, smoothed; of rates
         self._length, self._began, self._judged_from = 0.0, math.inf, math.inf
-        self._lively = 0.0  # [m2/s4] variance of the length: what pushes upwards does so across gravity too
+        self._lively = 0.0  # [m2/s4] variance of the length: upward accelerations come with horizontal ones
         self._stamp = self._rate_stamp = -math.inf
-        self._turning = 0.0  # [rad/s] the largest rate of late
+        self._turning = 0.0  # [rad/s] largest recent rate
         self._disagree_since, self._apart_since, self._draw = math.inf, math.inf, self.DRAW
         self._is_resting, self.disagrees = True, False
 
     def turn(self, stamp: float, rate: Floats, rested: Floats | None, fitted: Floats | None) -> None:
-        """Take a rate (3,) [rad/s] that is believed as far as it goes, and its bias as seen at rest, or in turns."""
+        """Rotate the prediction by a rate (3,) [rad/s], less its bias (3,) from rests, or else as fitted in turns."""
         dt, self._rate_stamp = stamp - self._rate_stamp, stamp
         if not 0.0 < dt < GravityCheck.REST:
             self._gravity = None
@@ -126,7 +126,7 @@ class PredictedGravity:
             self._before = _turned(self._before, angle)
 
     def compare(self, stamp: float, gravity: Floats, deviation: float) -> bool:
-        """Take gravity (3,) [m/s2] as filtered, and its deviation; return whether the sensors come apart."""
+        """Return true if filtered gravity (3,) [m/s2] with its standard deviation disagrees with the prediction."""
         dt, self._stamp = min(stamp - self._stamp, GravityCheck.REST), stamp
         if self._gravity is None:
             # without rates nothing is predicted
@@ -138,7 +138,7 @@ class PredictedGravity:
         off = gravity - self._gravity
         age = stamp - self._began
         if age <= self.START and norm(self._off) > self.MOVED:
-            self._judged_from, self._is_resting = self._began + self.AWHILE, False
+            self._judged_from, self._is_resting = self._began + self.START_MOVED, False
         if age <= self.START and self._is_resting and self._draw == self.DRAW:
             self._bias = self._bias + min(1.0, dt / age) * (self._rate - self._bias)
         self._off = self._off + (1.0 - math.exp(-dt / self.SMOOTH)) * (off - self._off)
@@ -149,14 +149,14 @@ class PredictedGravity:
         leant = self._leant(now)
         known = leant + self._leant(self._gravity) + 3.0 * deviation
         apart = size - known
-        # a push that its length shows does not draw
+        # a push that shows in the length does not change the prediction
         drawn = max(0.0, 1.0 - leant / max(size, 1e-9)) if stamp > self._judged_from else 1.0
         self._gravity = self._gravity + drawn * self._share(stamp, dt, self._draw) * off
         judged = self._turning < self.STILL_RATE and stamp > self._judged_from
         self._speed *= math.exp(-dt / self.SPEED_S)
         if judged and apart > 0.0 and (self._is_resting or self._draw == self.DRAW_RESTED):  # its bias is known
             self._speed += dt * apart / size * self._off
-        # once they disagreed, they are held to half as much
+        # after a disagreement the limit is halved
         limit = (0.5 * self._push if self.disagrees else self._push) + 3.0 * math.sqrt(self._lively)
         if self._before is not None and norm(now - self._before) < 0.5 * self._push + known < apart + known:
             self._gravity, self._off, self._speed = now, np.zeros(3), np.zeros(3)  # it is back
@@ -171,7 +171,7 @@ class PredictedGravity:
         return self.disagrees
 
     def _watch_return(self, stamp: float, apart: float, known: float) -> None:
-        """Take by how much the sensors are apart since they disagreed [m/s2]."""
+        """Update the difference of the sensors after a disagreement [m/s2], and end it once they agree."""
         self.apart = apart
         if apart > 0.5 * self._push + known:
             self._apart_since = stamp
@@ -179,17 +179,17 @@ class PredictedGravity:
             self._before, self.apart = None, 0.0
 
     def _share(self, stamp: float, dt: float, memory: float) -> float:
-        """Return the weight of a sample in a mean over `memory` [s], at first in one over all there were."""
+        """Return the weight of a sample in a mean over `memory` [s], at first over all samples so far."""
         age = stamp - self._began
         return min(1.0, dt / (memory if stamp > self._judged_from else max(age, dt)))
 
     def _leant(self, gravity: Floats) -> float:
-        """Return the acceleration across gravity that makes a reading as long as it is [m/s2]."""
-        rest = self._length + self.SURE
+        """Return the acceleration across gravity that explains a reading's length [m/s2]."""
+        rest = self._length + self.LENGTH_ERROR
         return math.sqrt(max(0.0, float(gravity @ gravity) - rest * rest))
 
 
 def _turned(gravity: Floats, angle: Floats) -> Floats:
-    """Return gravity (3,) as seen from axes that have turned by a small angle (3,) [rad]."""
+    """Return gravity (3,) in axes that have turned by a small angle (3,) [rad], its length kept."""
     turned = gravity - cross(angle, gravity)
     return np.asarray(turned * (norm(gravity) / norm(turned)))

@@ -1,4 +1,4 @@
-"""A vector now, its slope and how sure both are, from noisy samples: parabolas over short and long memories at once."""
+"""Adaptive Kalman filters of a noisy vector signal, with memories of 12 ms to 2.4 s: value, slope, deviations."""
 
 import math
 from typing import Any
@@ -9,33 +9,33 @@ from catenary.arrays import Floats
 from catenary.kernels.compiled import compiled
 
 _LENGTHS = np.array([0.012, 0.025, 0.05, 0.1, 0.25, 0.8, 2.4])  # [s] time constants of the memories
-_BLOCKS = np.maximum(_LENGTHS / 8.0, 0.0039)  # [s] of samples that each takes together, which averages vibration out
+_BLOCKS = np.maximum(_LENGTHS / 8.0, 0.0039)  # [s] of samples averaged in each memory, which removes vibration
 _COUNT = len(_LENGTHS)
-# variance of value, slope and curvature by the first sample, times its own; times are in lengths of each memory
-_BEFORE = np.stack([np.ones(_COUNT), 1e2 * _LENGTHS**2, 1e4 * _LENGTHS**4], axis=1)[:, :, None] * np.eye(3)
-_NOISE_S, _MIN_SHARE = 0.4, 0.1  # [s] over which noise is estimated, and over ten blocks at least
-_OUTLIER = 9.0  # times its variance that a block counts for the noise at most
-# times the variances of two memories together that the squared distance of their values, and of their slopes, is
-_CONTRADICTS = 9.0
-_WHITE = 0.7  # variance of a value under white noise, of what a memory that forgets by itself says
-_VIBRATES_HZ = 8.0  # from which on what a short memory follows is vibration, and no motion of a base
-_FOLLOWERS, _STEADY = 4, 4  # memories short enough to follow it, and one beside which it shows
-_REACH = 1.5  # time constants for which a parabola is followed beyond the newest sample
-_SHORTEST_REACH = 0.03  # [s]
+# variance of value, slope and curvature at the first sample, relative to its own; times in units of each memory
+_PRIOR_COVARIANCE = np.stack([np.ones(_COUNT), 1e2 * _LENGTHS**2, 1e4 * _LENGTHS**4], axis=1)[:, :, None] * np.eye(3)
+_NOISE_S, _MIN_SHARE = 0.4, 0.1  # [s] averaging time of the noise, and weight of a block at most
+_OUTLIER_RATIO = 9.0  # largest squared innovation of a block that counts, over its variance
+# largest squared difference of the values, or slopes, of two memories, over the sum of their variances
+_MAX_DISAGREEMENT = 9.0
+_WHITE = 0.7  # variance of a value under white noise, relative to that of a memory which forgets exponentially
+_VIBRATION_HZ = 8.0  # lowest frequency that is vibration and not motion of a base
+_FOLLOWERS, _STEADY = 4, 4  # number of memories short enough to follow it, and index of one that does not
+_MAX_EXTRAPOLATION = 1.5  # beyond the newest sample, in time constants
+_MIN_EXTRAPOLATION_S = 0.03  # [s]
 _STILL = np.zeros(3)
 
 _STATE = np.dtype(
     [
-        # of each memory: value, slope and curvature at the newest sample, and the sum of a block that has begun
+        # of each memory: value, slope and curvature at the newest sample, and the sum of the current block
         ("states", "f8", (_COUNT, 4, 3)),
         ("covariance", "f8", (_COUNT, 3, 3)),  # over the variance of a block
-        ("noise", "f8", _COUNT),  # variance of a block of each, as its innovations have it
-        ("blocks", "f8", _COUNT),  # how many there were
-        ("begun", "f8", _COUNT),  # of a block: begin, samples, sum of their ages
+        ("noise", "f8", _COUNT),  # variance of a block, from innovations
+        ("blocks", "f8", _COUNT),  # number of blocks
+        ("begun", "f8", _COUNT),  # of the current block: begin, samples, sum of their ages
         ("taken", "f8", _COUNT),
         ("ages", "f8", _COUNT),
-        ("last", "f8", (3, 3)),  # a sample beside a steady memory, its step, and that step's step
-        ("swings", "f8", 3),  # squares of late: beside a steady memory, of a step, and of a third difference
+        ("last", "f8", (3, 3)),  # a sample's difference from the steady memory, its first and second difference
+        ("swings", "f8", 3),  # mean squares: difference from the steady memory, its first and third difference
         ("newest", "f8"),
         ("period", "f8"),
         ("quiet", "f8"),
@@ -47,27 +47,27 @@ _STATE = np.dtype(
 
 
 class Memories:
-    """A vector signal, by Kalman filters of value, slope and curvature that forget over 12 ms to 2.4 s.
+    """Filter a vector signal by Kalman filters of value, slope and curvature with memories of 12 ms to 2.4 s.
 
-    Each takes means of blocks of an eighth of its memory, so that vibration averages out before it, and learns from its
-    innovations how noisy they are. The surest memory counts that no shorter one contradicts (Lepski's rule): a long one
-    while little happens, or while the base turns as its gyroscope says, and a short one where the signal moves.
+    Each filter takes means of blocks of an eighth of its memory, which averages vibration out, and estimates their
+    noise from its innovations. The memory of least variance that no shorter one contradicts is used (Lepski's rule): a
+    long one while the signal is steady, or rotates as the gyroscope says, and a short one while it changes.
     [Goldenshluger, Nemirovski 1997, On spatially adaptive estimation of nonparametric regression]
     """
 
     def __init__(self, quiet: float) -> None:
-        """Take the least noise of a sample that may be [unit of the signal]."""
+        """Set the least standard deviation of a sample's noise [unit of the signal]."""
         self._quiet = quiet**2
         self.clear()
-        for k in range(2):  # compiles what a tick needs
+        for k in range(2):  # compile the functions of a tick
             self.add(float(k), np.zeros(3))
             self.at(float(k))
         self.clear()
 
     def clear(self) -> None:
-        """Forget all samples."""
+        """Discard all samples."""
         self.state = np.zeros(1, _STATE)
-        self.state["quiet"], self.state["covariance"] = self._quiet, _BEFORE
+        self.state["quiet"], self.state["covariance"] = self._quiet, _PRIOR_COVARIANCE
         self.newest, self.first = -math.inf, math.inf
         self.noise = 0.0  # standard deviation of an axis of a sample
 
@@ -77,7 +77,7 @@ class Memories:
         return max(0.0, self.newest - self.first)
 
     def add(self, stamp: float, vector: Floats, turning: Floats | None = None) -> None:
-        """Take a sample (3,), newer than those before; the signal turns meanwhile by -turning (3,) [rad/s]."""
+        """Add a sample (3,), newer than all others; turning (3,) [rad/s] is the angular velocity of its axes."""
         if self.newest == -math.inf:
             self.first = stamp
             self.state["states"][0, :, 0], self.state["begun"] = vector, stamp
@@ -86,10 +86,10 @@ class Memories:
         self.newest = stamp
 
     def at(self, time: float, turning: Floats | None = None) -> Floats:
-        """Return value, slope and their deviations at a time [s], followed for a while beyond the newest sample (3, 3).
+        """Return value, slope and standard deviations (3, 3) at a time [s], extrapolated from the newest sample.
 
-        All are zero before any. The slope is that beyond the turning (3,) [rad/s]; the last row are the standard
-        deviations of an axis of value and slope, and 0.
+        All are zero before the first sample. The slope excludes the rotation of the axes, `turning` (3,) [rad/s]; the
+        last row has the standard deviations of an axis of value and slope, and 0.
         """
         out = np.empty((3, 3))
         _at(self.state, time - self.newest, _STILL if turning is None else turning, out)
@@ -100,10 +100,10 @@ class Memories:
 def motion(
     force: Any, rates: Any, force_age: float, rate_age: float, turning: bool, place: Floats, at: Floats, out: Floats
 ) -> None:
-    """Write gravity at the base's origin, angular velocity and acceleration at ages of the newest samples, (3, 3).
+    """Write gravity at the base's origin, angular velocity and angular acceleration (3, 3) to `out`.
 
-    Rates count where the base is `turning`; its sensor is at a place (3,) [m]. What `Memories.at` says of the rates and
-    of gravity at the sensor comes along in `at` (2, 3, 3).
+    `force` and `rates` are filter states with the ages of their newest samples [s]; rates are used if `turning`; place
+    (3,) is the sensor's position [m]; at (2, 3, 3) receives `Memories.at` of the rates and of gravity at the sensor.
     """
     out[:] = 0.0
     if turning:
@@ -115,7 +115,7 @@ def motion(
 
 @compiled
 def _add(memory: Any, dt: float, stamp: float, vector: Floats, turning: Floats) -> float:
-    """Take a sample (3,), dt [s] after the one before; return the noise of an axis of one."""
+    """Add a sample (3,), dt [s] after the last; return the standard deviation of a sample's axis."""
     m = memory[0]
     m.period += dt if m.period == 0.0 else 0.1 * (min(dt, 2.0 * m.period) - m.period)
     back = np.empty((3, 3))
@@ -130,7 +130,7 @@ def _add(memory: Any, dt: float, stamp: float, vector: Floats, turning: Floats) 
         if stamp - m.begun[k] >= _BLOCKS[k] - 0.5 * dt:
             m.blocks[k] += 1.0
             share = max(1.0 / m.blocks[k], min(_BLOCKS[k] / _NOISE_S, _MIN_SHARE))
-            most = _OUTLIER * m.noise[k] if m.blocks[k] > 5.0 else np.inf
+            most = _OUTLIER_RATIO * m.noise[k] if m.blocks[k] > 5.0 else np.inf
             square = _correct(m.states[k], m.covariance[k], m.taken[k], m.ages[k] / m.taken[k] / _LENGTHS[k])
             m.noise[k] += share * (min(square, most) - m.noise[k])
             m.states[k, 3] = 0.0
@@ -143,7 +143,7 @@ def _add(memory: Any, dt: float, stamp: float, vector: Floats, turning: Floats) 
 
 @compiled
 def _advance(state: Floats, covariance: Floats, share: float, back: Floats) -> None:
-    """Follow a parabola for a share of its memory, and turn it."""
+    """Predict a parabola over a share of its memory, and rotate it."""
     for i in range(3):
         state[0, i] += share * (state[1, i] + 0.5 * share * state[2, i])
         state[1, i] += share * state[2, i]
@@ -162,7 +162,7 @@ def _advance(state: Floats, covariance: Floats, share: float, back: Floats) -> N
 
 @compiled
 def _correct(state: Floats, covariance: Floats, taken: float, age: float) -> float:
-    """Take a block of a memory; return the square of its innovation, over what it weighs beside a block's noise."""
+    """Update a memory by a block; return the squared innovation over its variance relative to a block's noise."""
     row = np.array([1.0, -age, 0.5 * age * age])
     gain, total, square = np.zeros(3), 1.0, 0.0
     for i in range(3):
@@ -182,7 +182,7 @@ def _correct(state: Floats, covariance: Floats, taken: float, age: float) -> flo
         for i in range(3):
             state[i, axis] += gain[i] * off
     before = covariance.copy()
-    for i in range(3):  # Joseph's form: it stays positive
+    for i in range(3):  # Joseph form: stays positive definite
         for j in range(3):
             covariance[i, j] = gain[i] * gain[j]
             for k in range(3):
@@ -193,7 +193,7 @@ def _correct(state: Floats, covariance: Floats, taken: float, age: float) -> flo
 
 @compiled
 def _watch_swings(m: Any, dt: float, vector: Floats) -> None:
-    """Learn how much samples differ from a steady memory, and from those before."""
+    """Update mean squares of the samples' differences from the steady memory, and of their differences in time."""
     squares = np.zeros(3)
     for i in range(3):
         off = vector[i] - m.states[_STEADY, 0, i]
@@ -210,15 +210,15 @@ def _watch_swings(m: Any, dt: float, vector: Floats) -> None:
 
 @compiled
 def _noises(m: Any) -> Floats:
-    """Return the variance of a block of each memory: means of longer ones are no noisier than white noise has them."""
+    """Return the variance of a block of each memory, at most that of white noise for longer blocks."""
     known = np.empty(_COUNT)
     known[0] = last = max(m.noise[0], m.quiet)
     for k in range(1, _COUNT):
         white = last * max(_BLOCKS[k - 1], m.period) / max(_BLOCKS[k], m.period)
         known[k] = last = white if m.blocks[k] < 8.0 else max(min(m.noise[k], white), 1e-3 * white)
     beside, steps, thirds = m.swings
-    white = thirds / 20.0  # what no vibration of a few hertz makes
-    slow = (2.0 * math.pi * _VIBRATES_HZ * m.period) ** 2
+    white = thirds / 20.0  # third differences exclude vibration of a few hertz
+    slow = (2.0 * math.pi * _VIBRATION_HZ * m.period) ** 2
     if beside > 1.5 * white and steps - 2.0 * white > slow * (beside - white):
         for k in range(_FOLLOWERS):
             known[k] = max(known[k], beside)
@@ -227,7 +227,7 @@ def _noises(m: Any) -> Floats:
 
 @compiled
 def _choose(m: Any, known: Floats) -> int:
-    """Return the surest memory that no shorter one contradicts, in its value or its slope."""
+    """Return the memory of least variance that no shorter one contradicts in value or slope."""
     spreads, chosen, least = np.empty((2, _COUNT)), 0, np.inf
     for k in range(_COUNT):
         spreads[0, k] = _WHITE * known[k] * m.covariance[k, 0, 0]
@@ -238,7 +238,7 @@ def _choose(m: Any, known: Floats) -> int:
                 apart = 0.0
                 for i in range(3):
                     apart += (m.states[k, d, i] / _LENGTHS[k] ** d - m.states[j, d, i] / _LENGTHS[j] ** d) ** 2
-                agrees = agrees and apart <= _CONTRADICTS * (spreads[d, k] + spreads[d, j])
+                agrees = agrees and apart <= _MAX_DISAGREEMENT * (spreads[d, k] + spreads[d, j])
         if agrees and spreads[0, k] < least:
             chosen, least = k, spreads[0, k]
     return chosen
@@ -246,13 +246,13 @@ def _choose(m: Any, known: Floats) -> int:
 
 @compiled
 def _at(memory: Any, age: float, turning: Floats, out: Floats) -> None:
-    """Write value and slope at an age [s], and how sure they are, (3, 3); the last row are their deviations."""
+    """Write value, slope and their standard deviations (3, 3) at an age [s] of the newest sample."""
     out[:] = 0.0
-    if age == np.inf:  # there is no sample
+    if age == np.inf:  # before the first sample
         return
     m = memory[0]
     length, v = _LENGTHS[m.chosen], m.variance
-    t = min(age, max(_REACH * length, _SHORTEST_REACH)) / length
+    t = min(age, max(_MAX_EXTRAPOLATION * length, _MIN_EXTRAPOLATION_S)) / length
     state, back = m.states[m.chosen], np.empty((3, 3))
     turned_back(age * turning, back)
     for i in range(3):
@@ -266,7 +266,7 @@ def _at(memory: Any, age: float, turning: Floats, out: Floats) -> None:
 
 @compiled
 def turned_back(angle: Floats, out: Floats) -> None:
-    """Write the matrix (3, 3) that takes a vector to axes that have turned by an angle (3,) [rad]."""
+    """Write the matrix (3, 3) that transforms a vector to axes turned by a rotation vector (3,) [rad]."""
     x, y, z = angle[0], angle[1], angle[2]
     size = math.sqrt(x * x + y * y + z * z)
     s, c = (math.sin(size) / size, (1.0 - math.cos(size)) / size**2) if size > 1e-9 else (1.0, 0.5)
@@ -279,7 +279,7 @@ def turned_back(angle: Floats, out: Floats) -> None:
 
 @compiled
 def lever(place: Floats, omega: Floats, alpha: Floats) -> Floats:
-    """Return alpha x p + omega x (omega x p), the acceleration (3,) of a place [m] by a turn [rad/s, rad/s2]."""
+    """Return alpha x p + omega x (omega x p) (3,) [m/s2] at a position [m] for omega [rad/s], alpha [rad/s2]."""
     (x, y, z), (u, v, w), (a, b, c) = place, omega, alpha
     along, square = u * x + v * y + w * z, u * u + v * v + w * w
     return np.array(

@@ -1,4 +1,4 @@
-"""How a sensor is mounted and what it reads wrong: the mounting file."""
+"""Mounting file of an IMU: rotation, position, accelerometer bias and scale, gyroscope bias."""
 
 import json
 from dataclasses import dataclass, field, replace
@@ -19,8 +19,7 @@ from catenary.spatial import as_rotation
 
 Vector = tuple[float, float, float]
 _ZERO = (0.0, 0.0, 0.0)
-# what no sensor can have and numbers of damaged files do
-_MIN_SCALE = 1e-3
+_MIN_SCALE = 1e-3  # smaller ones, and those beyond _MAX_VALUES, are of damaged files
 _HEAD = """# How a sensor of gravity is mounted: true = (reading - bias) / scale in its own axes, which R_base_imu, the
 # rotation, takes to those of the frame `base`; position_m is of the sensor, from that frame's origin. checked: the
 # gyroscope was held against the accelerometer, in the turns between rests
@@ -30,15 +29,19 @@ _MAX_VALUES = {"position": (10.0, "m"), "bias": (1e3, "m/s2"), "scale": (1e3, ""
 
 @dataclass(frozen=True)
 class Mounting:
-    """A sensor on a base: true = (reading - bias) / scale in its axes; R_base_imu turns it; place from the origin."""
+    """Pose and errors of a sensor on a base: true = (reading - bias) / scale in its axes; v_base = R_base_imu v_imu.
+
+    Raises:
+        InputError: A rotation that is none, or a value outside its range.
+    """
 
     rotation: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) R_base_imu
-    position: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) [m]
+    position: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) from the base's origin, in its axes [m]
     bias: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) of the accelerometer [m/s2]
     scale: Floats = field(default_factory=lambda: np.ones(3))  # (3,) of the accelerometer
     rate_bias: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) of the gyroscope [rad/s]
-    checked: bool = False  # the gyroscope turned as gravity did, in a tumble: it is used from the first rate on
-    acceleration_range: float = np.inf  # [m/s2] of each axis, as the sensor is set
+    checked: bool = False  # a tumble has confirmed the gyroscope: it is used from the first rate on
+    acceleration_range: float = np.inf  # [m/s2] of each axis, as configured
     rate_range: float = np.inf  # [rad/s]
     sensor: str = ""
     base: str = "base"  # name of the frame whose axes and origin these are
@@ -56,24 +59,24 @@ class Mounting:
                 raise InputError(f"mounting {name}: expected more than 0, got {getattr(self, name)}")
 
     def gravity(self, reading: Floats, kind: Kind) -> Floats:
-        """Return free-fall acceleration (..., 3) at the sensor in base axes, of accelerometer readings [m/s2]."""
+        """Return free-fall acceleration (..., 3) at the sensor in base axes from readings (..., 3) [m/s2] of a kind."""
         force = (reading - self.bias) / self.scale
         turned: Floats = force @ self.rotation.T
         return turned if kind is Kind.FREE_FALL else -turned
 
     def rate(self, reading: Floats) -> Floats:
-        """Return angular velocity (..., 3) in base axes, of gyroscope readings (..., 3) [rad/s]."""
+        """Return angular velocity (..., 3) in base axes from gyroscope readings (..., 3) [rad/s]."""
         return (reading - self.rate_bias) @ self.rotation.T
 
     def at(self, model: RobotModel, name: str) -> "Mounting":
-        """Return it placed and turned as a robot's description has a frame, which must be fixed to the base."""
+        """Return the mounting with the pose of a frame of a robot's description, which must be fixed to the base."""
         frame = model.frame(name)
         if frame.link >= 0:
             raise InputError(f'frame "{name}": it moves with {model.link_names[frame.link]}; expected one on the base')
         return replace(self, rotation=frame.pose.rotation, position=frame.pose.position, base=model.base)
 
     def in_base_of(self, model: RobotModel) -> "Mounting":
-        """Return it seen from a robot's base; refuse axes of a frame that is none of the base's."""
+        """Return the mounting in the axes of a robot's base; refuse a frame that is not fixed to it."""
         frame = model.frames.get(self.base)
         if self.base == model.base:
             return self
@@ -88,7 +91,7 @@ class Mounting:
         return replace(self, rotation=rotation @ self.rotation, position=place, base=model.base)
 
 
-# the file, by section and key: what of the mounting stands there, its type, and its default
+# the file, by section and key: field of Mounting, type, default
 _PLACES: dict[str, dict[str, tuple[str, Any, Any]]] = {
     "sensor": {
         "name": ("sensor", str, ""),
@@ -106,7 +109,7 @@ _PLACES: dict[str, dict[str, tuple[str, Any, Any]]] = {
 
 
 class TumbleSection(Settings):
-    """How well the file's numbers were determined; not used by anything."""
+    """Quality of the calibration in the file, for its reader only."""
 
     readings: int
     residual_m_s2: float | None = None
@@ -126,23 +129,32 @@ _SCHEMA = _file_schema()
 
 
 def load_mounting(path: Path | str) -> Mounting:
-    """Read a mounting file."""
+    """Load a mounting file (TOML).
+
+    Raises:
+        ConfigError: The file does not hold a valid mounting.
+    """
     content = load_toml(Path(path), _SCHEMA).model_dump()
-    told = {place[0]: content[section][key] for section, keys in _PLACES.items() for key, place in keys.items()}
+    values = {place[0]: content[section][key] for section, keys in _PLACES.items() for key, place in keys.items()}
     try:
-        return Mounting(**told)
+        return Mounting(**values)
     except InputError as error:
         raise ConfigError(f"{path}: {error}") from error
 
 
 def save_mounting(path: Path | str, mounting: Mounting, tumble: TumbleSection | None = None) -> None:
-    """Write a mounting file, which appears whole or not at all; ranges that are infinite are left out."""
+    """Write a mounting file atomically.
+
+    Args:
+        mounting: Pose and errors of the sensor; infinite ranges are omitted.
+        tumble: Quality of the calibration, if known.
+    """
     sections = {s: {key: getattr(mounting, of[0]) for key, of in keys.items()} for s, keys in _PLACES.items()}
     sections["tumble"] = {} if tumble is None else tumble.model_dump(exclude_none=True)
     text = _HEAD
     for name, values in sections.items():
         text += f"\n[{name}]\n" if values else ""
-        for key, value in values.items():  # of these kinds TOML is as JSON
+        for key, value in values.items():  # for these types TOML equals JSON
             if not (isinstance(value, float) and np.isinf(value)):
                 text += f"{key} = {json.dumps(np.asarray(value).tolist(), ensure_ascii=False)}\n".replace("\x7f", " ")
     write_atomically(Path(path), text.encode())

@@ -1,7 +1,7 @@
-"""What acts on a tool, live: readings of a wrist's force/torque sensor less the tool's weight, its inertia and a zero.
+"""Tool compensation of a wrist's force/torque sensor: contact wrench without the tool's weight, inertia and zero.
 
 wrench = sign (reading - bias) - zero - load; the load is m (g - a) and its moment about the sensor's origin, in its
-axes, by recursive Newton-Euler (dynamics/lines.py) at the joints' positions and rates when the sensor read.
+axes, by recursive Newton-Euler (dynamics/lines.py) at the joints' positions and rates at the time of the reading.
 """
 
 from collections import deque
@@ -22,33 +22,43 @@ from catenary.sensing.wrist_tool import WristTool, weigh_tool
 from catenary.spatial import STANDARD_GRAVITY, Pose, angle_between
 from catenary.verdict.finding import Finding
 
-_WINDOW_S = 0.03  # [s] of joint states that an acceleration is found from
-_LEAST_STATES, _KEPT_STATES = 4, 400  # of them, where they come seldom; at 1 kHz, for readings that come late
-_VELOCITY_WEIGHT_S = 0.01  # [s] by which errors of velocities count as errors of positions
+_WINDOW_S = 0.03  # [s] of joint states for an acceleration
+_LEAST_STATES, _KEPT_STATES = 4, 400  # least number at low rates; history for delayed readings at 1 kHz
+_VELOCITY_WEIGHT_S = 0.01  # [s] weight of velocity errors relative to position errors
 _STILL_SPEED = 0.02  # [rad/s or m/s] of a joint at rest
-_DWELL_S, _SETTLE_S = 0.7, 0.2  # [s] at rest for a pose, of which the first are left out
-_APART_RAD = 0.2  # [rad] between directions of gravity of poses that count as two
-_ZERO_S, _ZERO_PATIENCE_S = 0.5, 5.0  # [s] at rest that a zero is a mean over, and to wait for rest
-_NOISE_READINGS = 200.0  # readings that the sensor's noise is a mean over
-_SMOOTHING_S = 0.5  # [s] over which contact is told from drift
-_CONTACT_SIGMAS = 4.0  # standard deviations: more is no drift of a zero
-_DRAG_POSES, _DRAG_SIGMAS = 6, 4.0  # poses of which half show more than so many standard deviations of force
-# of the tool's inertial load, by which accelerations are off: by parabolas up to now, and about a time before it
+_DWELL_S, _SETTLE_S = 0.7, 0.2  # [s] at rest for a pose, of which the first are discarded
+_APART_RAD = 0.2  # [rad] between directions of gravity of different poses
+_ZERO_S, _ZERO_PATIENCE_S = 0.5, 5.0  # [s] averaging time of a zero, and timeout for rest
+_NOISE_READINGS = 200.0  # averaged for the sensor's noise
+_SMOOTHING_S = 0.5  # [s] time constant that separates contact from drift
+_CONTACT_SIGMAS = 4.0  # standard deviations beyond which a force is contact, not drift
+_DRAG_POSES, _DRAG_SIGMAS = 6, 4.0  # poses examined for drag, and standard deviations that their median exceeds
+# relative error of the tool's inertial load: by a parabola up to now, and by one centred on a past time
 _LAGGING_SHARE, _CENTERED_SHARE = 0.05, 0.02
 
 
 def tool_line(model: RobotModel, tool: WristTool) -> Line:
-    """Trace a tool's load on its sensor, force and moment (6,) in the sensor's axes; inputs q, qd, qdd and gravity."""
+    """Trace a tool's load on its sensor, force and moment in the sensor's axes.
+
+    Args:
+        tool: Inertial parameters, and the frame of the sensor.
+
+    Returns:
+        Line with inputs q, qd, qdd (n,) and gravity (3,), and output wrench (6,) [N, Nm].
+    """
     link, pose = model.frame(tool.frame or None)
     body = LinkInertia(tool.mass, tool.center, symmetric(tool.inertia))
     return carried_load_line(model, Frame(link, pose @ Pose(tool.rotation, np.zeros(3))), body)
 
 
 class JointMotion:
-    """Positions, velocities and accelerations at a time, by a parabola through joint states about it.
+    """Estimate joint positions, velocities and accelerations by a parabola through recent joint states.
 
-    The parabola spans 30 ms up to the newest state, and lags; or, for times `wait` [s] before that, twice as much
-    about the time itself, and hardly errs.
+    The parabola spans 30 ms up to the newest state, and lags; with `wait` it is centred on the time, twice `wait`
+    wide, and has little lag.
+
+    Args:
+        wait: Age of the times asked for, relative to the newest state [s]; 0 or more.
     """
 
     def __init__(self, n: int, wait: float = 0.0) -> None:
@@ -62,13 +72,13 @@ class JointMotion:
         return self._states[-1][0] if self._states else -np.inf
 
     def put(self, time: float, q: ArrayLike, qd: ArrayLike | None = None) -> None:
-        """Take q (n,) [rad|m] and, where measured, qd (n,) at a time [s]; what is not newer than the last is not."""
+        """Add q (n,) [rad|m] and, if measured, qd (n,) at a time [s]; states that are not newer are ignored."""
         rates = np.full(self.n, np.nan) if qd is None else as_array("qd", qd, (self.n,), finite=False)
         if time > self.newest:
             self._states.append((time, as_array("q", q, (self.n,)).copy(), rates.copy()))
 
     def at(self, time: float) -> Floats:
-        """Return q, qd and qdd (3, n) at a time [s]; rates that nothing shows are zero."""
+        """Return q, qd and qdd (3, n) at a time [s]; derivatives that the states do not determine are zero."""
         end = max(min(time + 0.5 * self._window, self.newest), self._states[0][0])
         recent = list[tuple[float, Floats, Floats]]()
         for state in reversed(self._states):
@@ -82,13 +92,13 @@ class JointMotion:
         if np.isfinite(qd).all():
             A = np.vstack([A, _VELOCITY_WEIGHT_S * np.column_stack([0.0 * one, one, t])])
             y = np.vstack([q, _VELOCITY_WEIGHT_S * qd])
-        scale = np.array([1.0, self._window, self._window**2])  # numbers alike: what nothing shows becomes zero
-        found, ahead = np.linalg.lstsq(A / scale, y, rcond=1e-8)[0] / scale[:, None], time - times[0]
-        return np.array([[1.0, ahead, 0.5 * ahead**2], [0.0, 1.0, ahead], [0.0, 0.0, 1.0]]) @ found
+        scale = np.array([1.0, self._window, self._window**2])  # equal magnitudes: undetermined terms become zero
+        fit, ahead = np.linalg.lstsq(A / scale, y, rcond=1e-8)[0] / scale[:, None], time - times[0]
+        return np.array([[1.0, ahead, 0.5 * ahead**2], [0.0, 1.0, ahead], [0.0, 0.0, 1.0]]) @ fit
 
 
 class RestPose(NamedTuple):
-    """What a sensor read in a pose at rest."""
+    """Mean reading of a sensor in a pose at rest."""
 
     q: Floats  # (n,) [rad|m]
     reading: Floats  # (6,) mean [N, Nm]
@@ -97,17 +107,20 @@ class RestPose(NamedTuple):
 
 
 class RestPoses:
-    """Gathers poses at rest in which gravity points differently, seen from the sensor; the newest of those alike."""
+    """Collect rest poses with different directions of gravity in the sensor's axes; a newer one replaces a similar one.
+
+    Args:
+        frame: Frame of the sensor; the tip when None.
+    """
 
     def __init__(self, model: RobotModel, frame: str | None = None) -> None:
-        """Take an arm and the frame of its sensor; the tip when None."""
         model.frame(frame)
         self.model, self.frame = model, frame
         self.poses: list[RestPose] = []
         self._dwell: list[tuple[float, Floats, Floats]] = []
 
     def add(self, time: float, q: Floats, qd: Floats, reading: Floats, gravity: Floats) -> bool:
-        """Take a reading (6,), with q and qd (n,) and gravity (3,) of its time [s]; return whether a pose is new."""
+        """Add a reading (6,) with q and qd (n,) and gravity (3,) of its time [s]; return true for a new pose."""
         if np.abs(qd).max() > _STILL_SPEED:
             self._dwell.clear()
             return False
@@ -129,7 +142,7 @@ class RestPoses:
         return is_new
 
     def weigh(self) -> tuple[WristTool, list[Finding]]:
-        """Return the tool that the poses show, and doubts, as `weigh_tool`."""
+        """Fit the tool to the poses by `weigh_tool`; return it with findings."""
         q, readings, noise, gravity = (np.array(column) for column in zip(*self.poses, strict=True))
         placed = forward_kinematics(self.model, q, self.frame)
         rms = float(np.sqrt(np.mean(noise**2)))
@@ -140,16 +153,25 @@ class RestPoses:
 
 
 class ToolReading(NamedTuple):
-    """What acts on the tool beyond its own load, and how far one such reading may be off."""
+    """Contact wrench without the tool's own load, and its standard deviations."""
 
     wrench: Floats  # (6,) force [N] and moment about the frame's origin [Nm], in the frame's axes
-    deviation: Floats  # (6,) standard deviations: the sensor's noise, the tool's numbers, the zero, what is left in
+    deviation: Floats  # (6,) [N, Nm] by the sensor's noise, the tool's parameters, the zero and the residual load
 
 
 class ToolCompensation:
-    """Readings less the tool, for loops and topics: `motion.put` for joint states, `update` for each reading.
+    """Subtract the tool's load from readings: call `motion.put` for joint states, `update` for each reading.
 
-    Without `inertia` the load by the tool's own motion stays in, and in the deviation.
+    Without `inertia` the inertial load stays in the wrench and is part of its deviation.
+
+    Example:
+        >>> gravity, arm = 9.81 * np.vstack([np.eye(3), -np.eye(3)]), catenary.load_robot("puma560")
+        >>> tool = catenary.fit_wrist_tool(0.5 * gravity, np.cross([0.0, 0.0, 0.1], 0.5 * gravity), gravity)
+        >>> compensation = catenary.ToolCompensation(arm, tool)
+        >>> compensation.motion.put(0.0, np.zeros(6))
+        >>> reading = compensation.update(0.0, [0.0, 0.0, -4.905, 0.0, 0.0, 0.0], [0.0, 0.0, -9.81])
+        >>> reading.wrench.shape
+        (6,)
     """
 
     def __init__(
@@ -163,14 +185,15 @@ class ToolCompensation:
         wait: float = 0.0,
         gravity_deviation: float = 0.0,
     ) -> None:
-        """Take an arm and the tool at its sensor, and compile.
+        """Configure the compensation, and compile its kernel.
 
         Args:
-            frame: Of the robot, whose axes and origin wrenches are given in; the sensor's own when None.
-            inertia: Take out what accelerates the tool, too.
-            drift: Largest rate of the sensor's zero, [N/s] and a tenth of it [Nm/s], that is followed while nothing
-                touches the tool.
-            wait: By which readings are older than the newest joint state [s]; see `JointMotion`.
+            tool: Tool behind the sensor, as `weigh_tool` returns it.
+            frame: Frame of the robot for axes and origin of wrenches; the sensor's own when None.
+            inertia: Subtract the inertial load, too.
+            drift: Largest drift rate of the sensor's zero, [N/s] and a tenth of it [Nm/s], that is followed without
+                contact; 0 or more.
+            wait: Delay of readings relative to the newest joint state [s]; see `JointMotion`.
             gravity_deviation: Standard deviation of gravity [m/s2].
         """
         self.model, self.tool, self.inertia = model, tool, inertia
@@ -188,19 +211,22 @@ class ToolCompensation:
         self._asked, self.complaint = np.nan, ""
 
     def begin_zero(self, time: float) -> None:
-        """Take what the sensor reads beyond the tool in the next half second at rest for its zero."""
+        """Zero the sensor: average its reading beyond the tool's load over the next half second at rest."""
         self._asked, self.complaint = time, ""
         self._zeroing.clear()
 
     @property
     def is_zeroing(self) -> bool:
-        """Whether a zero was asked for, and is not yet found."""
+        """A zero was requested and is not complete."""
         return bool(np.isfinite(self._asked))
 
     def update(self, time: float, reading: ArrayLike, gravity: ArrayLike) -> ToolReading:
-        """Return what acts on the tool at a time [s]; reading (6,) [N, Nm] as read, gravity (3,) in base axes [m/s2].
+        """Return the contact wrench of a reading; at least one joint state must precede it.
 
-        Needs a joint state before.
+        Args:
+            time: Of the reading [s].
+            reading: (6,) force and moment of the sensor [N, Nm].
+            gravity: (3,) in base axes [m/s2].
         """
         raw, down = as_array("reading", reading, (6,)), as_array("gravity", gravity, (3,))
         q, qd, qdd = self.motion.at(time)
@@ -221,7 +247,7 @@ class ToolCompensation:
         return ToolReading(X @ (beyond - self.zero), np.sqrt(X**2 @ variance))
 
     def _learn_noise(self, raw: Floats) -> None:
-        """Average half the squared steps between readings, which motion hardly changes."""
+        """Update the noise variance by half the squared differences of readings, which motion hardly affects."""
         if np.isfinite(self._before).all():
             self._count = min(self._count + 1.0, _NOISE_READINGS)
             self._noise += (0.5 * (raw - self._before) ** 2 - self._noise) / self._count
@@ -231,7 +257,7 @@ class ToolCompensation:
         if not is_still:
             self._zeroing.clear()
             if time - self._asked > _ZERO_PATIENCE_S:
-                self._asked, self.complaint = np.nan, "no zero: the arm moves"
+                self._asked, self.complaint = np.nan, "no zero: the arm is moving"
             return
         self._zeroing.append((time, beyond))
         if time - self._zeroing[0][0] >= _ZERO_S:
@@ -242,7 +268,7 @@ class ToolCompensation:
             self._asked, self._followed = np.nan, time
 
     def _follow(self, time: float, beyond: Floats, unsure: Floats) -> None:
-        """Move the zero towards what is read, at most at its rate, and not in a contact."""
+        """Track the zero's drift, limited in rate, while there is no contact."""
         elapsed = time - self._time if np.isfinite(self._time) else 0.0
         self._time = time
         self._smooth += min(1.0, max(0.0, elapsed) / _SMOOTHING_S) * (beyond - self.zero - self._smooth)
@@ -252,7 +278,7 @@ class ToolCompensation:
             self.zero, self._smooth, self._followed = self.zero + step, self._smooth - step, time
 
     def _look_for_drag(self) -> None:
-        """Complain of forces that stay at rest in half of the last poses or more: no contact lasts over so many."""
+        """Report forces that remain at rest in half of the last poses or more, which no contact explains."""
         still = np.zeros(self.model.n)
         poses = self.rests.poses[-_DRAG_POSES:]
         loads = np.array([self._load(pose.q, still, still, pose.gravity) for pose in poses])
@@ -263,12 +289,12 @@ class ToolCompensation:
         self.complaint = ""
         if size > _DRAG_SIGMAS * usual:
             self.complaint = (
-                f"{size:.2g} N are left at rest in {len(poses)} poses, where {usual:.2g} N are usual: a cable drags, "
-                "the zero has drifted, or the tool is another one; zero it, or weigh it again"
+                f"{size:.2g} N remain at rest in {len(poses)} poses, expected {usual:.2g} N: a cable drags, the zero "
+                "has drifted, or the tool was changed; zero the sensor, or weigh the tool again"
             )
 
     def _to_target(self, q: Floats) -> Floats:
-        """Return what takes wrenches (6,) from the sensor to the frame that was asked for, (6, 6)."""
+        """Return the matrix (6, 6) that transforms wrenches from the sensor to the requested frame."""
         if self._target is None:
             return np.eye(6)
         here, there = self._sensor(q), self._target(q)
@@ -279,7 +305,7 @@ class ToolCompensation:
 
 
 def _tool_variance(tool: WristTool, gravity_deviation: float) -> Floats:
-    """Return the variance (6,) of a tool's load by its numbers, by gravity, and what the poses left."""
+    """Return the variance (6,) of a tool's load by its parameters, by gravity, and by the fit's residual."""
     g, reach = STANDARD_GRAVITY, float(np.linalg.norm(tool.center))
     force = (tool.mass_deviation * g) ** 2 + (tool.mass * gravity_deviation) ** 2 + tool.force_rms**2
     moment = (tool.mass * g * tool.center_deviation) ** 2 + (tool.mass * reach * gravity_deviation) ** 2

@@ -1,9 +1,9 @@
-"""Does gravity turn as a gyroscope says: explanations of what both read, which compete on the last seconds.
+"""Gyroscope checked against the accelerometer: hypotheses of sign, axes, unit, scale and delay compete on recent data.
 
-Seen from axes that turn by omega, gravity less the acceleration of an origin changes by du/dt = -omega x u, and a
-sensor at a place L from a point that stays where it is reads u - alpha x L - omega x (omega x L). Each explanation is
-a way to read the gyroscope: as it is, in other axes, another unit or scale, late, or telling nothing of the base. L and
-the gyroscope's bias are unknowns of each, so that no place, told or not, condemns a right one.
+In axes that turn by omega, gravity less the acceleration of the origin changes by du/dt = -omega x u, and a sensor at a
+position L from a fixed point reads u - alpha x L - omega x (omega x L). Each hypothesis is a variant of the gyroscope:
+as read, in other axes, in another unit or scale, delayed, or unrelated to the base. L and the gyroscope's bias are
+unknowns of each, so that a wrong or missing position does not condemn a correct gyroscope.
 """
 
 import math
@@ -18,28 +18,26 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.sensing.checks import Fault
 
-_STEP_S, _LONG_STEP_S, _LONG_S = 0.01, 0.02, 1.0  # [s] of samples that a row is the mean of, and in long pieces
-HIGH_PASS_S = 0.5  # [s] over which what is slower than turning is forgotten
-_FEWEST = 8  # rows that tell anything
-_APART_S = 0.0095  # [s] between sums that are kept
-_LEVER_M = 0.5  # [m] standard deviation of the place that a base turns about
-_BIAS, _BIAS_AT_REST = 0.05, 0.005  # [rad/s] of a gyroscope's bias, and where it was seen at rest
-_NOISE = 0.03  # [m/s2] that may be left beside noise
-_MISTUNED = 0.04  # of what turning makes: scales and axes of a cheap sensor that is right
-_ROWS_PER_S = 12.0  # independent numbers in a second of rows
-_BIAS_S = 10.0  # [s] over which a bias that was fitted in turns is averaged
-_CONFIRMS, _ACCUSES = (
-    3.0,
-    6.0,
-)  # [nats] by which a gyroscope beats others, and by which another beats it beyond its price
-_DIFFERS = 0.35  # of the rate by which another way to read it must differ to count
-_FITS = 1.5  # times what noise and mistuning may leave, below which nothing is left to explain
-_FAR_WORSE = 25.0  # times what a gyroscope that tells nothing leaves: what is right never leaves so much
-_SHOWN_TURN = 0.1  # [rad] about the vertical by rates that nothing opposes
+_STEP_S, _LONG_STEP_S, _LONG_S = 0.01, 0.02, 1.0  # [s] averaged in a row, and in pieces longer than a second
+HIGH_PASS_S = 0.5  # [s] time constant of the high-pass that removes motion slower than turning
+_MIN_ROWS = 8  # for a comparison
+_SUM_SPACING_S = 0.0095  # [s] between stored sums
+_LEVER_M = 0.5  # [m] prior standard deviation of the position of the centre of rotation
+_BIAS, _BIAS_AT_REST = 0.05, 0.005  # [rad/s] prior standard deviation of the bias, and after a rest
+_NOISE = 0.03  # [m/s2] of the residual, beyond the sensor's noise
+_MISTUNING_SHARE = 0.04  # of the effect of turning: scale and alignment errors of a cheap, correct sensor
+_ROWS_PER_S = 12.0  # independent rows in a second
+_BIAS_S = 10.0  # [s] averaging time of the bias fitted in turns
+# [nats] likelihood ratios that confirm a gyroscope, and that accuse it beyond a hypothesis's price
+_CONFIRM_NATS, _ACCUSE_NATS = 3.0, 6.0
+_MIN_DIFFERENCE = 0.35  # of a variant's rates from those read, relative: smaller ones do not count
+_FIT_FACTOR = 1.5  # times the residual allowed by noise and mistuning: a smaller one needs no explanation
+_MAX_UNFIT_FACTOR = 25.0  # times the residual without any gyroscope: that of a correct one is never so large
+_SHOWN_TURN_RAD = 0.1  # [rad] least turn about the vertical that confirms rates which gravity does not contradict
 
 
-class Way(NamedTuple):
-    """A way to read a gyroscope: true rate = matrix @ rate, `late` [s] before its stamp."""
+class Variant(NamedTuple):
+    """An interpretation of a gyroscope: true rate = matrix @ rate, `late` [s] before its stamp."""
 
     matrix: Floats
     late: float = 0.0
@@ -47,73 +45,76 @@ class Way(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RateExplanation:
-    """What may be wrong with a gyroscope, how it may be read then, what it costs to say so, and what mends it."""
+    """A fault hypothesis of a gyroscope: its variants, the log-likelihood it must gain, and its remedy."""
 
     fault: Fault
-    ways: Sequence[Way]
+    variants: Sequence[Variant]
     price: float  # [nats]
-    remedy: Callable[[Way], str]
+    remedy: Callable[[Variant], str]
 
 
-def _order_of(way: Way) -> str:
-    """Return a signed order of axes as options have it: which of the sensor's axes give x, y and z."""
-    order = ("-" * int(row.sum() < 0.0) + "xyz"[int(np.abs(row).argmax())] for row in way.matrix)
+def _axis_order(variant: Variant) -> str:
+    """Return the signed order of axes in the notation of `--axes`: the sensor's axes that give x, y and z."""
+    order = ("-" * int(row.sum() < 0.0) + "xyz"[int(np.abs(row).argmax())] for row in variant.matrix)
     return f"its x, y, z seem to be {','.join(order)}"
 
 
-def _scale_of(way: Way) -> str:
-    return f"gravity turns {way.matrix[0, 0]:.3g} times as far as it says"
+def _scale_text(variant: Variant) -> str:
+    return f"gravity turns {variant.matrix[0, 0]:.3g} times as far as it reads"
 
 
-def _lateness_of(way: Way) -> str:
-    return f"its rates are about {1000.0 * abs(way.late):.0f} ms {'late' if way.late > 0.0 else 'early'}"
+def _delay_text(variant: Variant) -> str:
+    return f"its rates are about {1000.0 * abs(variant.late):.0f} ms {'late' if variant.late > 0.0 else 'early'}"
 
 
 _ORDERS = [
-    Way(np.eye(3)[list(p)] * np.array(s)[:, None]) for p in permutations(range(3)) for s in product((1, -1), repeat=3)
+    Variant(np.eye(3)[list(p)] * np.array(s)[:, None])
+    for p in permutations(range(3))
+    for s in product((1, -1), repeat=3)
 ]
-# half of an aircraft's axes are what drivers mix up most
 _SIGN_PRICE = 0.3  # [nats] of each sign that is turned
-_USUAL = [np.diag([1.0, -1.0, -1.0]), -np.eye(3), np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])]
+_MOUNTS = [np.diag([1.0, -1.0, -1.0]), -np.eye(3), np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])]
 _SCALES = np.r_[np.geomspace(0.1, 0.8, 7), np.geomspace(1.25, 10.0, 7), -1.0]
-EXPLANATIONS = (
-    RateExplanation(Fault.NONE, [_ORDERS[0]], 0.0, lambda way: ""),
-    RateExplanation(Fault.RATE_CONTRADICTS, [Way(np.zeros((3, 3)))], 2.0, lambda way: ""),
-    RateExplanation(Fault.RATE_SIGN, _ORDERS[1:8], 3.7, _order_of),
-    RateExplanation(Fault.RATE_AXES, _ORDERS[8:], 5.0, _order_of),
-    RateExplanation(Fault.RATE_UNIT, [Way(np.radians(np.eye(3)))], 3.0, lambda way: "it seems to be in deg/s"),
-    RateExplanation(Fault.RATE_UNIT, [Way(np.degrees(np.eye(3)))], 3.0, lambda way: "it seems to be divided by 57.3"),
-    RateExplanation(Fault.RATE_SCALE, [Way(s * np.eye(3)) for s in _SCALES[:-1].tolist()], 5.0, _scale_of),
+_EXPLANATIONS = (
+    RateExplanation(Fault.NONE, [_ORDERS[0]], 0.0, lambda _: ""),
+    RateExplanation(Fault.RATE_CONTRADICTS, [Variant(np.zeros((3, 3)))], 2.0, lambda _: ""),
+    RateExplanation(Fault.RATE_SIGN, _ORDERS[1:8], 3.7, _axis_order),
+    RateExplanation(Fault.RATE_AXES, _ORDERS[8:], 5.0, _axis_order),
+    RateExplanation(Fault.RATE_UNIT, [Variant(np.radians(np.eye(3)))], 3.0, lambda _: "it seems to be in deg/s"),
+    RateExplanation(Fault.RATE_UNIT, [Variant(np.degrees(np.eye(3)))], 3.0, lambda _: "it seems to be divided by 57.3"),
+    RateExplanation(Fault.RATE_SCALE, [Variant(s * np.eye(3)) for s in _SCALES[:-1].tolist()], 5.0, _scale_text),
     RateExplanation(
-        Fault.RATE_DELAY, [Way(np.eye(3), s) for s in (-0.2, -0.15, -0.1, -0.06, -0.03, 0.03, 0.06, 0.1, 0.15, 0.2)],
-        5.0, _lateness_of,
+        Fault.RATE_DELAY,
+        [Variant(np.eye(3), t) for t in (-0.2, -0.15, -0.1, -0.06, -0.03, 0.03, 0.06, 0.1, 0.15, 0.2)],
+        5.0, _delay_text,
     ),
 )  # fmt: skip
-_WAYS = [(record, way) for record in EXPLANATIONS for way in record.ways]
-_MATRICES = np.array([way.matrix for _, way in _WAYS])
-# of ways that explain alike the plainest: one that drivers have, then few signs
-_PRICES = np.array([record.price - 1.0 * any((way.matrix == m).all() for m in _USUAL) for record, way in _WAYS])
+_VARIANTS = [(record, variant) for record in _EXPLANATIONS for variant in record.variants]
+_MATRICES = np.array([variant.matrix for _, variant in _VARIANTS])
+# among equal variants the simplest wins: common mountings (such as aircraft axes), then few negated axes
+_PRICES = np.array(
+    [record.price - 1.0 * any((variant.matrix == m).all() for m in _MOUNTS) for record, variant in _VARIANTS]
+)
 _PRICES += _SIGN_PRICE * np.sum(_MATRICES < 0.0, axis=(1, 2))
-_LATE = np.array([way.late for _, way in _WAYS])
-# shares of the prices that count where a gyroscope is to be confirmed: what is gradual, a scale or a lateness, can
-# hardly be told from a place that turns
-_BELIEF = np.array([0.8 if record.fault in (Fault.RATE_SCALE, Fault.RATE_DELAY) else 0.5 for record, _ in _WAYS])
+_DELAYS_S = np.array([variant.late for _, variant in _VARIANTS])
+# shares of the prices used to confirm a gyroscope: scale and delay are almost indistinguishable from a lever arm
+_SHARES = np.array([0.8 if record.fault in (Fault.RATE_SCALE, Fault.RATE_DELAY) else 0.5 for record, _ in _VARIANTS])
 
 
-class Found(NamedTuple):
-    """What a comparison found."""
+class Result(NamedTuple):
+    """Result of comparing all hypotheses."""
 
-    fault: Fault = Fault.NONE  # of the gyroscope; NONE also where nothing can be told
-    is_right: bool = False  # it turns as gravity does, and nothing else explains that as well
-    is_unopposed: bool = False  # it turns about the vertical, and gravity says nothing against it
-    remedy: str = ""  # what mends it, in words
-    ways: tuple[int, ...] = ()  # of all to read it, those that mend it about as well
-    bias: Floats | None = None  # (3,) [rad/s] of the gyroscope as it is
-    matrix: Floats | None = None  # (3, 3) by which its rates, or the accelerometer's readings, are in other axes
+    fault: Fault = Fault.NONE  # of the gyroscope; NONE also if undecided
+    is_right: bool = False  # gravity turns with it, and no other variant explains that as well
+    is_unopposed: bool = False  # it turns about the vertical, and gravity does not contradict it
+    remedy: str = ""  # correction, as text
+    variants: tuple[int, ...] = ()  # indices of those that correct it about as well
+    bias: Floats | None = None  # (3,) [rad/s] of the gyroscope as read
+    matrix: Floats | None = None  # (3, 3) from its axes, or the accelerometer's, to the true ones
 
 
 class SensedTurn(NamedTuple):
-    """Sums since a begin: times (N,) [s], integrals of gravity (N, 3), and the same of rates, in the sensor's axes."""
+    """Integrals of gravity (N, 3) [m/s] at times (N,) [s], and of rates (M, 3) [rad], in the sensor's axes."""
 
     times: Floats
     gravity: Floats
@@ -121,23 +122,23 @@ class SensedTurn(NamedTuple):
     angles: Floats
 
 
-class _Part(NamedTuple):
-    """What is left of a piece by each way (K): products of rows, of rows with unknowns, and of unknowns."""
+class _Residuals(NamedTuple):
+    """Normal equations of a piece for K variants: products of residual rows and of the unknowns' columns."""
 
-    squares: Floats  # (K,)
-    against: Floats  # (K, 6)
+    squares: Floats  # (K,) of the residual rows
+    against: Floats  # (K, 6) of rows and unknowns
     unknowns: Floats  # (K, 6, 6)
     rows: int
     span: float  # [s]
-    turned: Floats  # (K,) squares of what turning makes, and of the told lever
-    differs: Floats  # (K,) by how much of the rate each differs from it as it is, squared
-    swing: float  # [1/s] of angular acceleration, that a rate's noise of one makes
-    is_upright: bool  # it turns about the vertical, by and large
-    angle: float  # [rad] that it turned in all
+    turned: Floats  # (K,) squared effect of turning and of the given lever arm
+    differs: Floats  # (K,) squared relative difference from the rates as read
+    swing: float  # [1/s] noise of angular acceleration, per noise of a rate
+    is_upright: bool  # it turns mostly about the vertical
+    angle: float  # [rad] total turn
 
 
 def integral(times: Floats, values: Floats) -> Floats:
-    """Return the integral of values (N, 3) over times (N,) since the first, (N, 3)."""
+    """Return the trapezoidal integral (N, 3) of values (N, 3) over times (N,) from the first."""
     steps = 0.5 * np.diff(times)[:, None] * (values[1:] + values[:-1])
     return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
 
@@ -149,68 +150,74 @@ def compare(
     drift: float = 0.0,
     noise: tuple[float, float] = (0.0, 0.0),
     rested: bool = False,
-    before: Found = Found(),  # noqa: B008  # immutable
-) -> Found:
-    """Compare all explanations of pieces of time.
+    before: Result = Result(),  # noqa: B008  # immutable
+) -> Result:
+    """Compare all hypotheses about a gyroscope by their likelihood.
 
-    place (3,) [m] is the sensor's from the base's origin, in its axes. A base's own accelerations drift by `drift`
-    [m/s2] in the rows; of a gyroscope that was seen at rest the bias is known; `noise` is of a sample of gravity and of
-    a rate [m/s2, rad/s]. A gyroscope that was found wrong `before` is held against what mended it.
+    Args:
+        pieces: Intervals of data.
+        place: (3,) position of the sensor from the base's origin, in the sensor's axes [m].
+        drift: Accelerations of the base that remain in the rows [m/s2].
+        noise: Standard deviations of a sample of gravity [m/s2] and of a rate [rad/s].
+        rested: The bias was measured at rest and subtracted.
+        before: Earlier result; a gyroscope found wrong is compared with its correction.
     """
-    parts = _parts(pieces, place, _MATRICES[:2], _LATE[:2])  # as it is, and telling nothing
+    parts = _all_residuals(pieces, place, _MATRICES[:2], _DELAYS_S[:2])  # as read, and unrelated to the base
     if not parts:
-        return Found()
-    swing = max(part.swing for part in parts) * noise[1] * float(np.linalg.norm(place))  # that noise makes of the lever
+        return Result()
+    swing = max(part.swing for part in parts) * noise[1] * float(np.linalg.norm(place))  # noise times lever arm
     variance = _NOISE**2 + drift**2 + (0.5 * noise[0]) ** 2 + swing**2
-    is_upright = all(part.is_upright for part in parts) and max(part.angle for part in parts) > _SHOWN_TURN
-    left, floor, biases = _explained(parts, variance, rested=rested)
-    fits = left[0] < min(_FITS * floor[0], _FAR_WORSE * max(left[1], floor[1]))
-    if fits and (before.is_right or is_upright or (left < _FITS * floor[1]).all()):
-        return Found(is_unopposed=is_upright, bias=biases[0])
-    parts = _parts(pieces, place, _MATRICES, _LATE)
-    left, floor, biases = _explained(parts, variance, rested=rested)
+    is_upright = all(part.is_upright for part in parts) and max(part.angle for part in parts) > _SHOWN_TURN_RAD
+    left, floor, biases = _residuals(parts, variance, rested=rested)
+    fits = left[0] < min(_FIT_FACTOR * floor[0], _MAX_UNFIT_FACTOR * max(left[1], floor[1]))
+    if fits and (before.is_right or is_upright or (left < _FIT_FACTOR * floor[1]).all()):
+        return Result(is_unopposed=is_upright, bias=biases[0])
+    parts = _all_residuals(pieces, place, _MATRICES, _DELAYS_S)
+    left, floor, biases = _residuals(parts, variance, rested=rested)
     cost = 0.5 * _ROWS_PER_S * sum(part.span for part in parts) * np.log(left + floor)
-    gains = cost[0] - cost  # of each beyond the gyroscope as it is [nats]
+    gains = cost[0] - cost  # over the gyroscope as read [nats]
     best = int(np.argmax(gains - _PRICES))
-    record, way = _WAYS[best]
-    if gains[best] - _PRICES[best] > _ACCUSES:
+    record, variant = _VARIANTS[best]
+    if gains[best] - _PRICES[best] > _ACCUSE_NATS:
         if record.fault is Fault.RATE_SCALE:
-            near = np.geomspace(0.75, 1.34, 31)[:, None, None] * way.matrix
-            refined = _parts(pieces, place, near, np.zeros(31))
-            way = Way(near[int(np.argmin(_explained(refined, variance, rested=rested)[0]))])
-        alike = [k for k, (other, _) in enumerate(_WAYS) if other is record and gains[k] > gains[best] - _CONFIRMS]
-        return Found(record.fault, remedy=record.remedy(way), ways=tuple(alike), matrix=way.matrix)
-    counts = np.sum([part.differs for part in parts], axis=0) > _DIFFERS**2 * len(parts)
-    rivals = gains - _BELIEF * _PRICES
-    is_right = counts.any() and (rivals[counts] < -_CONFIRMS).all()
-    if before.fault is not Fault.NONE:  # it is right again where what mended it does so no more
-        is_right = (gains[list(before.ways)] < -_CONFIRMS).all() and left[0] < _FITS * floor[0]
-    return Found(is_right=bool(is_right), bias=biases[0] if is_right else None)
+            near = np.geomspace(0.75, 1.34, 31)[:, None, None] * variant.matrix
+            refined = _all_residuals(pieces, place, near, np.zeros(31))
+            variant = Variant(near[int(np.argmin(_residuals(refined, variance, rested=rested)[0]))])
+        alike = [
+            k for k, (other, _) in enumerate(_VARIANTS) if other is record and gains[k] > gains[best] - _CONFIRM_NATS
+        ]
+        return Result(record.fault, remedy=record.remedy(variant), variants=tuple(alike), matrix=variant.matrix)
+    counts = np.sum([part.differs for part in parts], axis=0) > _MIN_DIFFERENCE**2 * len(parts)
+    rivals = gains - _SHARES * _PRICES
+    is_right = counts.any() and (rivals[counts] < -_CONFIRM_NATS).all()
+    if before.fault is not Fault.NONE:  # it is right again once its correction no longer helps
+        is_right = (gains[list(before.variants)] < -_CONFIRM_NATS).all() and left[0] < _FIT_FACTOR * floor[0]
+    return Result(is_right=bool(is_right), bias=biases[0] if is_right else None)
 
 
-def _parts(pieces: Sequence[SensedTurn], place: Floats, matrices: Floats, late: Floats) -> list[_Part]:
-    found = [_left(piece, place, matrices, late) for piece in pieces]
-    return [part for part in found if part is not None]
+def _all_residuals(pieces: Sequence[SensedTurn], place: Floats, matrices: Floats, late: Floats) -> list[_Residuals]:
+    parts = [_piece_residuals(piece, place, matrices, late) for piece in pieces]
+    return [part for part in parts if part is not None]
 
 
-def _left(piece: SensedTurn, place: Floats, matrices: Floats, late: Floats) -> _Part | None:
-    """Return what is left of a piece by each way; None of one that is too short."""
+def _piece_residuals(piece: SensedTurn, place: Floats, matrices: Floats, late: Floats) -> _Residuals | None:
+    """Return the normal equations of a piece for each variant; None if it is too short."""
     begin, end = max(piece.times[0], piece.rate_times[0]), min(piece.times[-1], piece.rate_times[-1])
     gap = float(np.median(np.diff(piece.times)))
     step = max(_LONG_STEP_S if end - begin > _LONG_S else _STEP_S, 1.01 * gap)
     grid = np.arange(begin, end, step)
-    if len(grid) < _FEWEST + 2:
+    if len(grid) < _MIN_ROWS + 2:
         return None
     z = np.diff(_at(grid, piece.times, piece.gravity), axis=0) / step
     rates = {s: np.diff(_at(grid + s, piece.rate_times, piece.angles), axis=0) / step for s in set(late.tolist())}
     read = np.array([rates[s] for s in late.tolist()])  # (K, N, 3)
     w = np.einsum("kij,knj->kin", matrices, read)
     a = np.gradient(w, step, axis=2)
-    p = np.concatenate([place[:, None], np.eye(3)], axis=1)  # the place, and unknowns beside it
+    p = np.concatenate([place[:, None], np.eye(3)], axis=1)  # the position, and its unknown error
     lever = np.stack([_lever(w, a, p[:, j]) for j in range(4)], axis=1)  # (K, 4, 3, N)
     u = z.T[None] + lever[:, 0]
     columns = np.concatenate([u[:, None], lever[:, 1:]], axis=1)
-    # steps of each beyond what turning makes of it; then those of the bias
+    # steps of each column beyond the effect of turning; then those of the bias
     middle, by = 0.5 * (columns[..., 1:] + columns[..., :-1]), 0.5 * step * (w[..., 1:] + w[..., :-1])
     turned = _crossed(by[:, None], middle)
     steps = np.diff(columns, axis=-1) + turned
@@ -224,7 +231,7 @@ def _left(piece: SensedTurn, place: Floats, matrices: Floats, late: Floats) -> _
     size = float(np.sum(read[0] ** 2)) + 1e-6 * len(grid)
     down, across = z.mean(axis=0), np.linalg.norm(np.cross(z, read[0]), axis=1).sum()
     along = np.linalg.norm(read[0], axis=1).sum() * np.linalg.norm(down)
-    return _Part(
+    return _Residuals(
         products[:, 0, 0], products[:, 0, 1:], products[:, 1:, 1:], rows.shape[2], float(end - begin),
         np.sum(made**2, axis=(0, 2, 3)),
         np.sum((w - w[:1]) ** 2, axis=(1, 2)) / size,
@@ -233,11 +240,8 @@ def _left(piece: SensedTurn, place: Floats, matrices: Floats, late: Floats) -> _
     )  # fmt: skip
 
 
-def _explained(parts: Sequence[_Part], variance: float, *, rested: bool) -> tuple[Floats, Floats, Floats]:
-    """Return what each way leaves, the unknowns' costs counted, and what noise and mistuning may leave (K,) [m2/s4].
-
-    And the bias that each finds (K, 3) [rad/s].
-    """
+def _residuals(parts: Sequence[_Residuals], variance: float, *, rested: bool) -> tuple[Floats, Floats, Floats]:
+    """Return penalised residuals (K,), those allowed by noise and mistuning (K,) [m2/s4], and biases (K, 3) [rad/s]."""
     rows, span = sum(part.rows for part in parts), sum(part.span for part in parts)
     bias = _BIAS_AT_REST if rested else _BIAS
     cost = variance * rows / (_ROWS_PER_S * span) / np.repeat([_LEVER_M, bias], 3) ** 2
@@ -248,7 +252,7 @@ def _explained(parts: Sequence[_Part], variance: float, *, rested: bool) -> tupl
     levers = np.einsum("ki,kij,kj->k", solved[:, :3], unknowns[:, :3, :3], solved[:, :3])
     return (
         left,
-        rows * variance + _MISTUNED**2 * (np.sum([part.turned for part in parts], axis=0) + levers),
+        rows * variance + _MISTUNING_SHARE**2 * (np.sum([part.turned for part in parts], axis=0) + levers),
         -solved[:, 3:],
     )
 
@@ -258,55 +262,55 @@ def _at(grid: Floats, times: Floats, sums: Floats) -> Floats:
 
 
 def _lever(w: Floats, a: Floats, p: Floats) -> Floats:
-    """Return alpha x p + omega x (omega x p) of each way and row, (K, 3, N)."""
+    """Return alpha x p + omega x (omega x p) for each variant and row, (K, 3, N)."""
     q = p[:, None]
     return _crossed(a, q) + w * np.einsum("kin,i->kn", w, p)[:, None] - q * np.sum(w * w, axis=1, keepdims=True)
 
 
 def _crossed(a: Floats, b: Floats) -> Floats:
-    """Return cross products of vectors (..., 3, N); those of NumPy take ten times as long."""
+    """Return cross products of vectors (..., 3, N), ten times as fast as NumPy's."""
     (x, y, z), (u, v, w) = np.moveaxis(a, -2, 0), np.moveaxis(b, -2, 0)
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-2)
 
 
 class TurningWatch:
-    """Compares the last seconds of two streams of samples now and then.
+    """Check a gyroscope against gravity, repeatedly over the last seconds of samples.
 
-    A gyroscope that was found wrong is wrong until it is right in a turn that shows it.
+    A gyroscope that was found wrong stays wrong until a turn shows that it is right.
     """
 
-    EVERY = 0.1  # [s] between comparisons
-    SPANS = (0.8, 4.0)  # [s] over which: the first finds what is new soon, the other what is small
-    GAP = 0.2  # [s] without samples, after which both begin anew
+    INTERVAL_S = 0.1  # [s] between comparisons
+    SPANS = (0.8, 4.0)  # [s] of data: short for fast detection, long for small faults
+    GAP = 0.2  # [s] without samples, after which the sums restart
 
     def __init__(self, place: Floats, drift: float, *, checked: bool = False) -> None:
-        """Take the sensor's place and a base's accelerations as `compare` does, and whether it was found right."""
+        """Set the sensor's place and the base's drift, as of `compare`, and if a tumble has confirmed the gyroscope."""
         self._place, self._drift = place, drift
-        self.found, self.may_be_used = Found(is_right=checked), checked
-        self.fitted_bias: Floats | None = None  # (3,) [rad/s] in turns, of late
+        self.result, self.may_be_used = Result(is_right=checked), checked
+        self.fitted_bias: Floats | None = None  # (3,) [rad/s] fitted in recent turns
         self._was_right = checked
-        self.bias: Floats | None = None  # (3,) of the gyroscope [rad/s], once it was seen at rest
-        self._sums = {kind: deque[tuple[float, ...]](maxlen=int(self.SPANS[-1] / _APART_S) + 1) for kind in "gw"}
+        self.bias: Floats | None = None  # (3,) of the gyroscope [rad/s], once measured at rest
+        self._sums = {kind: deque[tuple[float, ...]](maxlen=int(self.SPANS[-1] / _SUM_SPACING_S) + 1) for kind in "gw"}
         self._last: dict[str, tuple[float, Floats, Floats]] = {}  # stamp, sample and sum
         self._compared = self._right_since = -math.inf
 
     def mistaken(self, gravity: Floats) -> float:
-        """Return how far gravity (3,) is off if the accelerometer's axes have changed, and not the gyroscope's [m/s2].
+        """Return the error of gravity (3,) [m/s2] if the accelerometer's axes have changed, not the gyroscope's.
 
-        Of one that was never found right the accelerometer, which knows down, is believed.
+        It is 0 unless the gyroscope was confirmed before: the accelerometer is trusted first.
         """
         if (
             not self._was_right
-            or self.found.matrix is None
-            or self.found.fault not in (Fault.RATE_SIGN, Fault.RATE_AXES)
+            or self.result.matrix is None
+            or self.result.fault not in (Fault.RATE_SIGN, Fault.RATE_AXES)
         ):
             return 0.0
-        return float(np.linalg.norm(gravity - gravity @ self.found.matrix))
+        return float(np.linalg.norm(gravity - gravity @ self.result.matrix))
 
     def doubt(self) -> None:
-        """Take that rates have leapt as no base turns: what was found right before may be so no more."""
-        if self.found.fault is Fault.NONE:
-            self.found, self.may_be_used = Found(), False
+        """Withdraw a confirmation after a jump of rates that no base can make."""
+        if self.result.fault is Fault.NONE:
+            self.result, self.may_be_used = Result(), False
 
     def _add(self, kind: str, stamp: float, vector: Floats) -> None:
         sums, before = self._sums[kind], self._last.get(kind)
@@ -316,38 +320,38 @@ class TurningWatch:
         else:
             total = before[2] + 0.5 * (stamp - before[0]) * (vector + before[1])
         self._last[kind] = stamp, vector, total
-        if not sums or stamp - sums[-1][0] >= _APART_S:
+        if not sums or stamp - sums[-1][0] >= _SUM_SPACING_S:
             sums.append((stamp, *total.tolist()))
 
     def add_rate(self, stamp: float, rate: Floats) -> None:
-        """Take a rate (3,) [rad/s] in the sensor's axes."""
+        """Add a rate (3,) [rad/s] in the sensor's axes."""
         self._add("w", stamp, rate)
 
     def add_gravity(self, stamp: float, gravity: Floats, noise: tuple[float, float]) -> None:
-        """Take gravity (3,) [m/s2] in the sensor's axes, and noise as `compare` does, and compare now and then."""
+        """Add gravity (3,) [m/s2] in the sensor's axes, with the noise of `compare`, and compare every `INTERVAL_S`."""
         self._add("g", stamp, gravity)
-        if stamp - self._compared < self.EVERY or len(self._sums["w"]) < _FEWEST:
+        if stamp - self._compared < self.INTERVAL_S or len(self._sums["w"]) < _MIN_ROWS:
             return
         self._compared = stamp
         forces, turns = (np.array(self._sums[kind]) for kind in "gw")
         for span in self.SPANS:
             begin = max(stamp - span, self._right_since)
             late, turned = (rows[np.searchsorted(rows[:, 0], begin) :] for rows in (forces, turns))
-            if min(len(late), len(turned)) < _FEWEST:
+            if min(len(late), len(turned)) < _MIN_ROWS:
                 continue
             drifted = 0.0 if self.bias is None else turned[:, :1] * self.bias
             motion = SensedTurn(late[:, 0], late[:, 1:], turned[:, 0], turned[:, 1:] - drifted)
-            found = compare(
-                [motion], self._place, drift=self._drift, noise=noise, rested=self.bias is not None, before=self.found
+            comparison = compare(
+                [motion], self._place, drift=self._drift, noise=noise, rested=self.bias is not None, before=self.result
             )
-            if span == self.SPANS[-1] and found.bias is not None:
-                known = found.bias if self.fitted_bias is None else self.fitted_bias
-                self.fitted_bias = known + self.EVERY / _BIAS_S * (found.bias - known)
-            self.may_be_used |= found.is_unopposed and self.found.fault is Fault.NONE
-            if found.is_right:
-                if self.found.fault is not Fault.NONE:
-                    self._right_since = begin  # what was before is of a gyroscope that was wrong
-                self.found, self.may_be_used, self._was_right = found, True, True
-            elif found.fault is not Fault.NONE:
-                self.found, self.may_be_used = found, False
+            if span == self.SPANS[-1] and comparison.bias is not None:
+                known = comparison.bias if self.fitted_bias is None else self.fitted_bias
+                self.fitted_bias = known + self.INTERVAL_S / _BIAS_S * (comparison.bias - known)
+            self.may_be_used |= comparison.is_unopposed and self.result.fault is Fault.NONE
+            if comparison.is_right:
+                if self.result.fault is not Fault.NONE:
+                    self._right_since = begin  # earlier samples are of a wrong gyroscope
+                self.result, self.may_be_used, self._was_right = comparison, True, True
+            elif comparison.fault is not Fault.NONE:
+                self.result, self.may_be_used = comparison, False
                 return

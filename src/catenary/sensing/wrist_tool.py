@@ -1,8 +1,8 @@
-"""The tool behind a force/torque sensor at a wrist, and the sensor's sign, axes and biases, from poses at rest.
+"""Identification of a tool on a wrist's force/torque sensor: mass, centre of mass, biases, sign and axes, from rests.
 
-At rest the sensor reads, in its own axes, force = s m g + f0 and torque = s c x (m g) + t0: gravity g as its axes see
-it, mass m and centre of mass c of all that hangs behind it, and s = -1 where it counts what holds the tool. Where sign
-and axes are known it is linear in (m, m c, f0, t0), ten numbers.
+At rest the sensor reads, in its own axes, force = s m g + f0 and torque = s c x (m g) + t0, with gravity g in its axes,
+mass m and centre of mass c of everything behind it, and s = -1 if it measures the reaction. With known sign and axes
+this is linear in the ten parameters (m, m c, f0, t0).
 """
 
 import json
@@ -24,16 +24,16 @@ from catenary.spatial import Pose, angle_between, as_rotation, rotation_vector
 from catenary.verdict.finding import Finding
 
 _MIN_POSES = 4  # poses
-_MIN_JUDGED_POSES = 6  # poses, from which on what is left tells another cause
-_BETTER_SHARE = 0.25  # of what is left, squared, by degree of freedom
-_TURNED, _GAIN = 0.05, 0.05  # [rad] of gravity, and of the sensor's axes: less is not worth a doubt
-_HEAVIEST_KG = 500.0  # few arms with a force sensor at the wrist lift more; grams taken for kilograms are beyond
-_MIRRORED = 0.5  # [rad] from all axes negated, beyond which axes are left-handed
-_MIN_TILT = 0.2  # least share of gravity that its directions must differ by along every axis, RMS
-# what a tool leaves of forces (RMS), and the chance of a cable's columns by noise. Of 800 simulated weighings without a
-# cable (6 to 20 poses, 0.3 to 3 kg) none leaves more; of 763 with a cable that puts the mass off by 1 % two are missed
+_MIN_JUDGED_POSES = 6  # poses, for residuals that distinguish causes
+_BETTER_SHARE = 0.25  # largest ratio of squared residuals per degree of freedom of a better explanation
+_MIN_TURN_RAD, _MIN_GAIN_ERROR = 0.05, 0.05  # least turn of gravity [rad] and gain error of axes that are reported
+_MAX_MASS_KG = 500.0  # beyond the payload of wrists with a force sensor: detects grams taken for kilograms
+_MIRRORED_RAD = 0.5  # [rad] largest angle from all axes negated, beyond which axes are left-handed
+_MIN_TILT = 0.2  # least RMS variation of gravity along every axis of the sensor, relative to gravity
+# limits of the force residual (RMS), and p-value of a cable's columns. Of 800 simulated weighings without a cable
+# (6 to 20 poses, 0.3 to 3 kg) none exceeds them; of 763 with a cable that changes the mass by 1 % two are missed
 _DRAG_SHARE, _DRAG_NOISES, _DRAG_CHANCE = 0.02, 3.0, 1e-3  # of the weight, of the means' noise
-_USUAL_NOISE_N = 0.02  # of a pose's mean force, where it is not known
+_USUAL_NOISE_N = 0.02  # of a pose's mean force, if unknown
 _HEAD = """# The tool behind a wrist's force/torque sensor, in SI: reading = sign load + bias, in its axes, which the
 # rotation takes to those of the frame; inertia: xx, xy, xz, yy, yz, zz about `center`
 """
@@ -42,7 +42,11 @@ _Vector = Annotated[Floats, Listed((3,))]
 
 @dataclass(frozen=True, eq=False)
 class WristTool:
-    """What hangs behind a sensor, and what it reads without; deviations are standard deviations of the estimates."""
+    """Tool behind a force/torque sensor, and the sensor's biases; deviations are standard deviations of estimates.
+
+    Raises:
+        InputError: A rotation that is none, a sign other than 1 or -1, or an impossible inertia.
+    """
 
     __pydantic_config__ = IN_FILES
 
@@ -54,13 +58,13 @@ class WristTool:
     center_deviation: _Vector
     force_bias_deviation: _Vector
     torque_bias_deviation: _Vector
-    force_rms: float  # that is left of the readings [N]
-    torque_rms: float  # [Nm]
-    sign: float = 1.0  # -1 of a sensor that counts what holds the tool, not the load
+    force_rms: float  # residual [N]
+    torque_rms: float  # residual [Nm]
+    sign: float = 1.0  # -1 of a sensor that measures the reaction, not the load
     rotation: Annotated[Floats, Listed((3, 3))] = field(default_factory=lambda: np.eye(3), repr=False)  # R_frame_sensor
     inertia: Annotated[Floats, Listed((6,))] = field(default_factory=lambda: np.zeros(6), repr=False)  # [kg m2]
-    robot: str = ""  # that carries it, as it was typed
-    frame: str = ""  # of the robot, that the sensor's origin and axes are given in
+    robot: str = ""  # robot that carries it, as given
+    frame: str = ""  # frame of the robot at the sensor's origin, to which `rotation` leads
 
     def __post_init__(self) -> None:
         as_rotation("tool rotation", self.rotation)
@@ -70,11 +74,11 @@ class WristTool:
 
     @property
     def bias(self) -> Floats:
-        """What the sensor reads without load, (6,) [N, Nm]."""
+        """Reading of the sensor without load (6,) [N, Nm]."""
         return np.concatenate([self.force_bias, self.torque_bias])
 
     def without(self, force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> tuple[Floats, Floats]:
-        """Return readings (3,) or (N, 3) less bias and the tool at rest; gravity [m/s2] is as the sensor sees it."""
+        """Return readings [N, Nm], (3,) or (N, 3), without bias and weight; gravity [m/s2] is in the sensor's axes."""
         down, single = as_batch("gravity", gravity, 3)
         shape = (3,) if single else down.shape
         weight = self.mass * down.reshape(shape)
@@ -86,11 +90,20 @@ class WristTool:
 def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> WristTool:
     """Fit mass, centre of mass and biases to readings of a force/torque sensor at rest, by least squares.
 
-    Force and torque, about the sensor's origin, are (N, 3) means over each pose as the sensor reads them [N, Nm], the
-    weight counted along gravity (N, 3) in the sensor's axes [m/s2], such as R_base_sensor.T @ gravity.
+    Args:
+        force: (N, 3) means of N >= 4 poses [N], positive along gravity for the tool's weight.
+        torque: (N, 3) means about the sensor's origin [Nm].
+        gravity: (N, 3) in the sensor's axes [m/s2], such as R_base_sensor.T @ gravity.
 
     Raises:
-        ExcitationError: Gravity points nearly the same way in all poses, seen from the sensor.
+        InputError: Too few poses, or a mass or centre of mass out of range, as of a wrong sign or unit.
+        ExcitationError: Gravity has nearly the same direction in all poses, in the sensor's axes.
+
+    Example:
+        >>> gravity = 9.81 * np.vstack([np.eye(3), -np.eye(3)])
+        >>> tool = catenary.fit_wrist_tool(0.5 * gravity + 1.0, np.cross([0.0, 0.0, 0.1], 0.5 * gravity), gravity)
+        >>> round(tool.mass, 3), tool.center.round(3) + 0.0
+        (0.5, array([0. , 0. , 0.1]))
     """
     down = as_array("gravity", gravity, (None, 3))
     forces, torques = as_array("force", force, down.shape), as_array("torque", torque, down.shape)
@@ -101,32 +114,32 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
     X[:, :3, 0], X[:, :3, 4:7], X[:, 3:, 7:] = down, np.eye(3), np.eye(3)
     for k, axis in enumerate(np.eye(3)):
         X[:, 3:, 1 + k] = np.cross(axis, down)
-    _require_turns(down, X)
+    _require_orientations(down, X)
     parts = (slice(0, 3), [0, 4, 5, 6], forces), (slice(3, 6), [1, 2, 3, 7, 8, 9], torques)
-    found, covariance, rms = np.zeros(10), np.zeros((10, 10)), [0.0, 0.0]
-    for part, (rows, columns, readings) in enumerate(parts):  # no number is in both
+    solution, covariance, rms = np.zeros(10), np.zeros((10, 10)), [0.0, 0.0]
+    for part, (rows, columns, readings) in enumerate(parts):  # they share no parameter
         A, y = X[:, rows][:, :, columns].reshape(-1, len(columns)), readings.ravel()
-        found[columns] = np.linalg.lstsq(A, y, rcond=None)[0]
-        left = y - A @ found[columns]
+        solution[columns] = np.linalg.lstsq(A, y, rcond=None)[0]
+        left = y - A @ solution[columns]
         rms[part] = float(np.sqrt(np.mean(left**2)))
         covariance[np.ix_(columns, columns)] = left @ left / (len(y) - len(columns)) * np.linalg.inv(A.T @ A)
-    mass, moment = float(found[0]), found[1:4]
+    mass, moment = float(solution[0]), solution[1:4]
     if not mass > 0.0:
         raise InputError(f"wrist tool: mass {mass:.3g} kg: the sensor counts forces the other way, or has other axes")
     center = moment / mass
-    if mass > _HEAVIEST_KG or np.linalg.norm(center) > LONG_LINK_M:
+    if mass > _MAX_MASS_KG or np.linalg.norm(center) > LONG_LINK_M:
         raise InputError(
             f"wrist tool: mass {mass:.4g} kg, centre of mass {np.linalg.norm(center):.4g} m away: expected at most "
-            f"{_HEAVIEST_KG:g} kg and {LONG_LINK_M:g} m; forces are in N (not mN or kN), torques in Nm, gravity in m/s2"
+            f"{_MAX_MASS_KG:g} kg and {LONG_LINK_M:g} m; forces are in N (not mN or kN), torques in Nm, gravity in m/s2"
         )
     deviation = np.sqrt(np.diag(covariance))
     of_center = np.hypot(deviation[1:4], center * deviation[0]) / mass
     errors = float(deviation[0]), of_center, deviation[4:7], deviation[7:]
-    return WristTool(mass, center, found[4:7], found[7:], *errors, rms[0], rms[1])
+    return WristTool(mass, center, solution[4:7], solution[7:], *errors, rms[0], rms[1])
 
 
-def _require_turns(down: Floats, X: Floats) -> None:
-    """Refuse poses that gravity (N, 3) does not tell ten numbers in; X (N, 6, 10) are their columns."""
+def _require_orientations(down: Floats, X: Floats) -> None:
+    """Refuse poses whose gravity (N, 3) does not determine the ten parameters; X (N, 6, 10) is their regressor."""
     size, count = float(np.sqrt(np.mean(down**2) * 3.0)), len(down)
     directions, spread, _ = np.linalg.svd((down - down.mean(axis=0)).T / np.sqrt(count), full_matrices=False)
     if not spread[2] > _MIN_TILT * size / 3.0:
@@ -142,20 +155,24 @@ def _require_turns(down: Floats, X: Floats) -> None:
 def weigh_tool(
     force: ArrayLike, torque: ArrayLike, poses: Pose, gravity: ArrayLike, *, noise: float = _USUAL_NOISE_N
 ) -> tuple[WristTool, list[Finding]]:
-    """Fit a tool and how its sensor counts: sign and axes against a frame; and doubt what something else explains.
+    """Fit a tool with its sensor's sign and axes relative to a frame, and test other explanations of the readings.
 
-    The sensor may count loads or what holds them, in the frame's axes or in others, which are found. A base that is
-    tilted, gains of axes, torques in other axes than forces, and a cable that pulls each compete with the tool alone.
+    The sensor may measure the load or its reaction, in the frame's axes or in others. A tilted base, gains of axes,
+    torques in other axes than forces, and a cable that pulls each compete with the tool alone.
 
     Args:
-        force: (N, 3) means over each of six poses or more [N], as they were read; torque: likewise [Nm].
-        poses: N of the sensor's frame in base axes, as `forward_kinematics` gives them.
+        force: (N, 3) means as read, of N >= 6 poses [N].
+        torque: (N, 3) means as read, about the sensor's origin [Nm].
+        poses: N poses of the sensor's frame in base axes, as from `forward_kinematics`.
         gravity: (3,) or (N, 3) in base axes [m/s2].
         noise: Standard deviation of a mean force [N].
 
+    Returns:
+        Tool, and the finding that explains most of the residual, if any.
+
     Raises:
-        InputError: The sensor's axes are left-handed, or no tool explains the readings.
-        ExcitationError: Gravity points nearly the same way in all poses, seen from the sensor.
+        InputError: Too few poses, left-handed axes, or readings that no tool explains.
+        ExcitationError: Gravity has nearly the same direction in all poses, in the sensor's axes.
     """
     turned = as_array("rotation", poses.rotation, (None, 3, 3))
     forces = as_array("force", force, (len(turned), 3))
@@ -164,110 +181,114 @@ def weigh_tool(
         raise InputError(f"wrist tool: {len(forces)} poses, expected {_MIN_JUDGED_POSES} or more, differently turned")
     to_frame = turned.transpose(0, 2, 1)
     down = np.einsum("nij,nj->ni", to_frame, np.broadcast_to(gravity_rows(gravity, len(forces)), forces.shape))
-    gains, left_by_axes = _solved([np.einsum("nj,ik->nikj", down, np.eye(3))], forces)
+    gains, left_by_axes = _least_squares([np.einsum("nj,ik->nikj", down, np.eye(3))], forces)
     axes, is_tilted = _axes(down, to_frame, forces, gains[:9].reshape(3, 3), left_by_axes)
     sign = 1.0 if np.linalg.det(axes) > 0.0 else -1.0
-    in_sensor, in_axes = down @ (sign * axes).T, axes @ to_frame  # in_axes turns base axes' vectors to readings
-    found = fit_wrist_tool(sign * forces, sign * torques, in_sensor)
-    force_bias, torque_bias = sign * found.force_bias, sign * found.torque_bias
-    tool = replace(found, force_bias=force_bias, torque_bias=torque_bias, sign=sign, rotation=sign * axes.T)
+    in_sensor, in_axes = down @ (sign * axes).T, axes @ to_frame  # in_axes takes vectors in base axes to readings
+    tool = fit_wrist_tool(sign * forces, sign * torques, in_sensor)
+    force_bias, torque_bias = sign * tool.force_bias, sign * tool.torque_bias
+    tool = replace(tool, force_bias=force_bias, torque_bias=torque_bias, sign=sign, rotation=sign * axes.T)
     stated = np.einsum("nij,nj->ni", turned, down).mean(axis=0)
     place = np.einsum("nij,nj->ni", in_axes, poses.position - poses.position.mean(axis=0))
     doubts = [
-        _tilted(_solved([in_axes], forces)[0][:3], stated) if is_tilted else None,
-        _uneven(tool, gains[:9].reshape(3, 3) / tool.mass - axes, left_by_axes) if not is_tilted else None,
-        _crossed(tool, torques, down),
-        _dragged(tool, forces, in_axes, down @ axes.T, place, noise, is_tilted=is_tilted),
+        _tilt_finding(_least_squares([in_axes], forces)[0][:3], stated) if is_tilted else None,
+        _gain_finding(tool, gains[:9].reshape(3, 3) / tool.mass - axes, left_by_axes) if not is_tilted else None,
+        _torque_finding(tool, torques, down),
+        _cable_finding(tool, forces, in_axes, down @ axes.T, place, noise, is_tilted=is_tilted),
     ]
-    return tool, [doubt for doubt in doubts if doubt is not None][:1]  # what explains most hides the others
+    return tool, [doubt for doubt in doubts if doubt is not None][:1]  # the first one hides the others
 
 
-def _solved(columns: list[Floats], readings: Floats) -> tuple[Floats, float]:
-    """Return what least squares gives for columns (N, 3, ...) and a bias, and the squares left by degree of freedom."""
+def _least_squares(columns: list[Floats], readings: Floats) -> tuple[Floats, float]:
+    """Solve for columns (N, 3, ...) and a bias; return the solution and the residual variance."""
     count = len(readings)
-    A = np.hstack([*(each.reshape(3 * count, -1) for each in columns), np.tile(np.eye(3), (count, 1))])
+    A = np.hstack([*(column.reshape(3 * count, -1) for column in columns), np.tile(np.eye(3), (count, 1))])
     solution = np.asarray(np.linalg.lstsq(A, readings.ravel(), rcond=None)[0], dtype=np.float64)
     left = readings.ravel() - A @ solution
     return solution, float(left @ left) / (len(left) - A.shape[1])
 
 
 def _axes(down: Floats, to_frame: Floats, forces: Floats, gains: Floats, left_by_axes: float) -> tuple[Floats, bool]:
-    """Return the matrix (3, 3), +-R, from loads in the frame's axes to readings, and whether the base is tilted."""
-    (mass, *_), left = _solved([down], forces)
+    """Return the matrix (3, 3), +-R, from loads in the frame's axes to readings, and true if the base is tilted."""
+    (mass, *_), left = _least_squares([down], forces)
     as_framed = np.eye(3) if mass > 0.0 else -np.eye(3)
-    pull, left_by_tilt = _solved([to_frame], forces)
+    pull, left_by_tilt = _least_squares([to_frame], forces)
     if left_by_tilt < _BETTER_SHARE * left and left_by_tilt <= left_by_axes:
         angle = angle_between(as_framed[0, 0] * pull[:3], np.einsum("nji,nj->ni", to_frame, down).mean(axis=0))
-        return as_framed, bool(angle > _TURNED)
+        return as_framed, bool(angle > _MIN_TURN_RAD)
     if left_by_axes >= _BETTER_SHARE * left:
         return as_framed, False
     U, _, Vt = np.linalg.svd(gains)
     turn = np.asarray(U @ Vt)
-    if np.linalg.det(turn) < 0.0 and np.linalg.norm(rotation_vector(-turn)) > _MIRRORED:
+    if np.linalg.det(turn) < 0.0 and np.linalg.norm(rotation_vector(-turn)) > _MIRRORED_RAD:
         rows = "; ".join(", ".join(f"{v:.2f}" for v in row) for row in turn)
         raise InputError(
             f"wrist tool: forces are ({rows}) times those in axes of the sensor's frame, which is left-handed: an axis "
-            "of the sensor counts the other way: negate its force and torque; or all six do, in axes that are turned "
-            "too: negate all six"
+            "of the sensor has the opposite sign: negate its force and torque; or all six have, in axes that are "
+            "turned too: negate all six"
         )
     return turn, False
 
 
-def _tilted(pull: Floats, stated: Floats) -> Finding:
-    """Say which gravity (3,) in base axes forces fit; pull is its direction times mass, of either sign [N]."""
+def _tilt_finding(pull: Floats, stated: Floats) -> Finding:
+    """Return the finding of tilted gravity (3,); pull (3,) [N] is the weight that fits the forces, of either sign."""
     pull = pull * np.sign(pull @ stated)
     size = np.linalg.norm(stated) / np.linalg.norm(pull)
     along = ",".join(f"{v:.4g}" for v in pull * size)
     angle = np.rad2deg(angle_between(pull, stated))
     says = f"forces fit gravity turned by {angle:.1f} deg and a mass of {1.0 / size:.4g} kg much better"
-    return Finding("gravity", (), says, "a base that is tilted, or a cable that pulls evenly", f"--gravity {along}")
+    return Finding("gravity", (), says, "a tilted base, or a cable that pulls constantly", f"--gravity {along}")
 
 
-def _uneven(tool: WristTool, off: Floats, left_by_axes: float) -> Finding | None:
-    """Doubt gains of the sensor's axes, (3, 3) off a rotation."""
-    if not (left_by_axes < _BETTER_SHARE * tool.force_rms**2 and np.abs(off).max() > _GAIN):
+def _gain_finding(tool: WristTool, off: Floats, left_by_axes: float) -> Finding | None:
+    """Return the finding of wrong gains of the sensor's axes; `off` (3, 3) is their difference from a rotation."""
+    if not (left_by_axes < _BETTER_SHARE * tool.force_rms**2 and np.abs(off).max() > _MIN_GAIN_ERROR):
         return None
     worst = np.unravel_index(int(np.abs(off).argmax()), off.shape)
     says = f"forces fit gains of the sensor's axes much better, off by {off[worst]:+.2f} in axis {'xyz'[worst[0]]}"
     return Finding("units", (), says, "a gain of one of its axes, or a calibration of another sensor")
 
 
-def _crossed(tool: WristTool, torques: Floats, down: Floats) -> Finding | None:
-    """Doubt torques that follow gravity, but not as a weight at one place."""
-    matrix, left = _solved([np.einsum("nj,ik->nikj", down, np.eye(3))], torques)
+def _torque_finding(tool: WristTool, torques: Floats, down: Floats) -> Finding | None:
+    """Return the finding of torques that follow gravity, but not as those of a point mass."""
+    matrix, left = _least_squares([np.einsum("nj,ik->nikj", down, np.eye(3))], torques)
     size = float(np.abs(matrix[:9]).max()) * float(np.linalg.norm(down[0]))
-    if left < _BETTER_SHARE * tool.torque_rms**2 and tool.torque_rms > _GAIN * size:
-        says = f"torques follow gravity, but {tool.torque_rms:.3g} Nm (RMS) are left of a weight at one place"
+    if left < _BETTER_SHARE * tool.torque_rms**2 and tool.torque_rms > _MIN_GAIN_ERROR * size:
+        says = f"torques follow gravity, but {tool.torque_rms:.3g} Nm (RMS) remain after fitting a centre of mass"
         return Finding("units", (), says, "axes or signs of torques that are not those of forces")
     return None
 
 
-def _dragged(
+def _cable_finding(
     tool: WristTool, forces: Floats, in_axes: Floats, weight: Floats, place: Floats, noise: float, *, is_tilted: bool
 ) -> Finding | None:
-    """Doubt forces that a spring in base axes explains beyond chance, or of which much is left."""
+    """Return the finding of forces that a spring in base axes explains beyond chance, or of a large residual."""
     from scipy.stats import f  # takes a quarter of a second to import
 
     size, count = tool.mass * float(np.linalg.norm(weight[0])), forces.size
-    if tool.force_rms <= noise:  # less than anything could explain
+    if tool.force_rms <= noise:  # nothing to explain
         return None
     alone, few = (in_axes, 6) if is_tilted else (weight, 4)
-    _, before = _solved([alone], forces)
-    _, after = _solved([in_axes, place], forces)
+    _, before = _least_squares([alone], forces)
+    _, after = _least_squares([in_axes, place], forces)
     gain = (before * (count - few) - after * (count - 7)) / (7 - few) / max(after, 1e-12 * before)
     by_chance = float(f.sf(gain, 7 - few, count - 7))
     if by_chance >= _DRAG_CHANCE and np.sqrt(before) <= max(_DRAG_SHARE * size, _DRAG_NOISES * noise):
         return None
     says = (
-        f"{np.sqrt(before):.3g} N (RMS) of {size:.3g} N are left, where noise leaves {noise:.2g} N: mass and zeros may "
-        "be off by ten times that share"
+        f"{np.sqrt(before):.3g} N (RMS) of {size:.3g} N remain, expected {noise:.2g} N by noise: mass and zeros may be "
+        "off by ten times that share"
     )
-    culprit = "a cable or hose that drags at the tool, or a pose in which something touched it"
-    return Finding("cable", (), says, culprit, "fasten it to the tool, with slack behind the sensor, and weigh again")
+    cause = "a cable or hose that drags at the tool, or contact in a pose"
+    return Finding("cable", (), says, cause, "fasten it to the tool, with slack behind the sensor, and weigh again")
 
 
 def load_tool(path: Path | str) -> WristTool:
-    """Read a tool file."""
+    """Load a tool file (TOML).
+
+    Raises:
+        ConfigError: The file does not hold a valid tool.
+    """
     try:
         return load_toml(Path(path), WristTool)
     except InputError as error:
@@ -275,6 +296,6 @@ def load_tool(path: Path | str) -> WristTool:
 
 
 def save_tool(path: Path | str, tool: WristTool) -> None:
-    """Write a tool file, which appears whole or not at all."""
+    """Write a tool file (TOML) atomically."""
     rows = [f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in plain_data(tool).items()]
     write_atomically(Path(path), (_HEAD + "".join(rows)).encode())

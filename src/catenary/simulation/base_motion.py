@@ -1,4 +1,4 @@
-"""What an arm's base does: stand level or tilted, rock, sway, heave, and go smoothly from any motion into the next."""
+"""Motions of a robot's base: fixed, tilted, rocking, swaying, heaving, steered; gravity, rates, ideal IMU readings."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from catenary.spatial import LEVEL, STANDARD_GRAVITY, cross, rotation_about_x, r
 
 
 class BaseSamples(NamedTuple):
-    """A base at N instants, in its own axes."""
+    """State of a base at N instants, in its own axes."""
 
-    gravity: Floats  # (N, 3) free-fall acceleration [m/s2]
-    motion: Floats  # (N, 3, 3) angular velocity, angular acceleration, linear acceleration of the origin
+    gravity: Floats  # (N, 3) gravitational acceleration [m/s2]
+    motion: Floats  # (N, 3, 3) angular velocity [rad/s] and acceleration [rad/s2], acceleration of the origin [m/s2]
 
 
 class MovingBase(Protocol):
-    """Anything an arm can stand on."""
+    """A base that a robot can be mounted on."""
 
     def sample(self, times: Floats) -> BaseSamples:
         """Return the motion at times (N,) [s]."""
@@ -29,22 +29,31 @@ class MovingBase(Protocol):
 
 @dataclass(frozen=True)
 class FixedBase:
-    """A base that stands still, turned by `roll` about x, then by `pitch` about its own y [rad]."""
+    """A fixed base, level or tilted.
+
+    Attributes:
+        roll: About x [rad], first.
+        pitch: About the rolled y axis [rad].
+
+    Example:
+        >>> catenary.FixedBase(roll=0.1).sample(np.zeros(1)).gravity.round(3)
+        array([[ 0.   , -0.979, -9.761]])
+    """
 
     roll: float = 0.0
     pitch: float = 0.0
 
     def sample(self, times: Floats) -> BaseSamples:
-        """Return one row for all times: nothing changes."""
+        """Return one row for all times (N,) [s]."""
         gravity = tilt(self.roll, self.pitch).T @ LEVEL
         return BaseSamples(gravity[None, :], np.zeros((1, 3, 3)))
 
 
 @dataclass(frozen=True)
 class RockingBase:
-    """A base that rocks about an axis of its own through a point, after the tilt of a FixedBase.
+    """A tilted base that rocks about an axis fixed in it.
 
-    angle(t) = mean + amplitude sin(2 pi frequency t); `lever` is the base's origin seen from a point of the axis.
+    angle(t) = mean + amplitude sin(2 pi frequency t); `lever` is the base's origin relative to a point of the axis.
     """
 
     mean: float  # [rad]
@@ -55,7 +64,7 @@ class RockingBase:
     start: FixedBase = field(default_factory=FixedBase)
 
     def sample(self, times: Floats) -> BaseSamples:
-        """Return gravity in base axes, and the accelerations of rocking."""
+        """Return gravity and the motion of rocking at times (N,) [s], in base axes."""
         t = as_array("times", times, (None,))
         axis = unit_vector("axis", self.axis)
         w = 2.0 * np.pi * self.frequency
@@ -72,15 +81,15 @@ class RockingBase:
 
 @dataclass(frozen=True)
 class Wave:
-    """A sine about or along an axis: amplitude sin(2 pi frequency t + phase), in rad or in m/s2."""
+    """A sine about or along an axis: amplitude sin(2 pi frequency t + phase)."""
 
-    amplitude: float
+    amplitude: float  # [rad] of rocking, [m/s2] of an acceleration
     frequency: float  # [Hz]
     axis: tuple[float, float, float]
     phase: float = 0.0  # [rad]
 
     def along(self) -> Floats:
-        """Return the amplitude along the axis (3,)."""
+        """Return the amplitude as a vector (3,)."""
         return self.amplitude * unit_vector("axis", self.axis)
 
     def angle(self, times: Floats) -> Floats:
@@ -90,11 +99,14 @@ class Wave:
 
 @dataclass(frozen=True)
 class SwayingBase:
-    """A base that rocks about several axes and heaves: a ship's deck, a vehicle; begins in the attitude of a FixedBase.
+    """A base that rocks about several axes and accelerates: a ship's deck, a vehicle.
 
-    Each rocking turns by its own angle about its axis, one within another, the first outermost:
-    R_world_base = R_start R_1 R_2 ... R_k. Accelerations are in world axes, z up: heave along z, surge and sway
-    along x and y; they are those of the base's origin.
+    R_world_base = R_start R_1 R_2 ... R_k, each R_i a rocking about its axis.
+
+    Attributes:
+        rocking: Angles [rad], the outermost first.
+        accelerations: Of the base's origin in world axes [m/s2]: heave along z (up), surge and sway along x and y.
+        start: Initial attitude.
     """
 
     rocking: tuple[Wave, ...] = ()
@@ -102,7 +114,7 @@ class SwayingBase:
     start: FixedBase = field(default_factory=FixedBase)
 
     def sample(self, times: Floats) -> BaseSamples:
-        """Return gravity, turning and the acceleration of the origin, all in base axes."""
+        """Return gravity and the motion at times (N,) [s], in base axes."""
         t = as_array("times", times, (None,))
         fixed = tilt(self.start.roll, self.start.pitch).T
         gravity = np.tile(fixed @ LEVEL, (len(t), 1))
@@ -115,30 +127,30 @@ class SwayingBase:
             turn = Rotation.from_rotvec(-np.sin(wave.angle(t)) * along)
             rate = w * np.cos(wave.angle(t)) * along
             gravity, linear, omega, alpha = (turn.apply(v) for v in (gravity, linear, omega, alpha))
-            # of outer rotations seen from axes that turn
+            # outer rotations, in rotating axes
             alpha = alpha + cross(omega.T, rate.T).T - w * w * np.sin(wave.angle(t)) * along
             omega = omega + rate
         return BaseSamples(gravity, np.stack([omega, alpha, linear], axis=1))
 
 
 def tilt(roll: float, pitch: float) -> Floats:
-    """Return R_world_base of a base turned by roll about x, then by pitch about its own y [rad]."""
+    """Return R_world_base (3, 3) of a base turned by roll about x, then by pitch about its own y [rad]."""
     return rotation_about_x(roll) @ rotation_about_y(pitch)
 
 
 class BaseTimeline:
-    """A base's motion tick by tick, sampled in blocks: the same numbers whether asked for one tick or thousands."""
+    """A base's motion tick by tick, sampled in blocks, so that its values do not depend on the size of a request."""
 
     BLOCK = 1024  # ticks
 
     def __init__(self, base: MovingBase, period: float) -> None:
-        """Sample `base` every `period` [s], beginning at time zero."""
+        """Sample a base every `period` [s] from time zero."""
         self.base, self.period = base, period
         self._number = -1
         self._block = BaseSamples(np.empty((0, 3)), np.empty((0, 3, 3)))
 
     def rows(self, first: int, count: int) -> tuple[BaseSamples, int]:
-        """Return the motion from tick `first` on, one row if the base stands still, and for how many ticks it holds."""
+        """Return the motion from tick `first`, one row for a fixed base, and the number of ticks that it covers."""
         number, start = divmod(first, self.BLOCK)
         if number != self._number:
             ticks = np.arange(number * self.BLOCK, (number + 1) * self.BLOCK, dtype=float)
@@ -153,7 +165,7 @@ class BaseTimeline:
 
 
 def imu_reading(samples: BaseSamples) -> tuple[Floats, Floats]:
-    """Return an ideal IMU's reading at the base's origin: specific force (N, 3) [m/s2], rate (N, 3) [rad/s]."""
+    """Return the readings of an ideal IMU at the base's origin: specific force (N, 3) [m/s2], rate (N, 3) [rad/s]."""
     return samples.motion[:, 2] - samples.gravity, samples.motion[:, 0]
 
 
@@ -162,10 +174,10 @@ _CHANGE_TIME_S = 1.5  # [s] from one attitude to the next
 
 @dataclass(frozen=True)
 class SteeredAngle:
-    """An angle on its way to `goal`, with a rocking added: polynomial(t - start) + amplitude sin(w (t - start)).
+    """An angle that moves to `goal` and rocks: polynomial(t - start) + amplitude sin(w (t - start)).
 
-    The polynomial is of the fifth degree: it begins with the angle, rate and acceleration that there are, and is at
-    rest at the goal _CHANGE_TIME_S later.
+    The polynomial of degree 5 starts with the present angle, rate and acceleration, and reaches the goal at rest after
+    _CHANGE_TIME_S.
     """
 
     goal: float = 0.0  # [rad]
@@ -176,7 +188,7 @@ class SteeredAngle:
     first: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def at(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Return angle, rate and acceleration (N,) at times (N,) [s]; before the start they are as at the start."""
+        """Return angle [rad], rate and acceleration (N,) at times (N,) [s]; before the start, those at the start."""
         since = np.maximum(np.asarray(times, dtype=float) - self.start, 0.0)
         x = np.minimum(since, _CHANGE_TIME_S) / _CHANGE_TIME_S
         p, v, a = self.first[0], self.first[1] * _CHANGE_TIME_S, self.first[2] * _CHANGE_TIME_S**2
@@ -192,17 +204,17 @@ class SteeredAngle:
         return angle + swing, rate + w * swung, change - w * w * swing
 
     def toward(self, time: float, goal: float, amplitude: float = 0.0, frequency: float = 0.0) -> SteeredAngle:
-        """Return the angle from a time [s] on, on its way to another goal and rocking; nothing leaps."""
+        """Return a continuation from a time [s] to another goal [rad] and rocking, without a jump."""
         (angle,), (rate,), (change,) = self.at([time])
         w = 2.0 * np.pi * frequency
-        # the new rocking begins in its middle, at full rate: the polynomial takes up the difference
+        # rocking starts at its mean, at full rate: the polynomial compensates for the jump in rate
         first = float(angle), float(rate) - amplitude * w, float(change)
         return SteeredAngle(goal, amplitude, frequency, time, first)
 
 
 @dataclass(frozen=True)
 class SteeredBase:
-    """A base turned by roll about x, then by pitch about its own y, about its origin, which stays where it is."""
+    """A base that is steered about its fixed origin: by roll about x, then by pitch about its own y."""
 
     roll: SteeredAngle = field(default_factory=SteeredAngle)
     pitch: SteeredAngle = field(default_factory=SteeredAngle)
@@ -210,17 +222,21 @@ class SteeredBase:
     def toward(
         self, time: float, roll: float, pitch: float, *, amplitude: float = 0.0, frequency: float = 0.0
     ) -> SteeredBase:
-        """Return the base from a time on, on its way to another attitude.
+        """Return the base that moves to another attitude from a time on; before it, it is fixed.
 
-        Before the time [s] it stands as it did then. Angles are in rad; amplitude and frequency [Hz] are of rocking
-        about x.
+        Args:
+            time: Start of the motion [s].
+            roll: Goal about x [rad].
+            pitch: Goal about the base's y [rad].
+            amplitude: Of rocking about x [rad], 0 or more.
+            frequency: Of rocking [Hz], 0 or more.
         """
         roll, pitch = as_array("roll, pitch", [roll, pitch], (2,)).tolist()
         as_not_negative("amplitude and frequency of rocking", [amplitude, frequency], (2,))
         return SteeredBase(self.roll.toward(time, roll, amplitude, frequency), self.pitch.toward(time, pitch))
 
     def sample(self, times: Floats) -> BaseSamples:
-        """Return gravity and turning in base axes; R_world_base = Rx(roll) Ry(pitch)."""
+        """Return gravity and rotation at times (N,) [s], in base axes; R_world_base = Rx(roll) Ry(pitch)."""
         t = as_array("times", times, (None,))
         (r, r1, r2), (p, p1, p2) = self.roll.at(t), self.pitch.at(t)
         c, s = np.cos(p), np.sin(p)

@@ -1,4 +1,4 @@
-"""The numbers of a cable-driven arm: every one with its unit and where it comes from."""
+"""Parameters of a simulated cable-driven arm (RAVEN-II): drives, firmware, encoder rig; data files, random arms."""
 
 from collections.abc import Mapping
 from importlib.resources import as_file, files
@@ -13,15 +13,15 @@ from catenary.errors import ConfigError
 from catenary.simulation.records import POSITIONING, PerAxis, PerJoint, PerTool, Record
 
 Origin = Literal["source", "datasheet-memory", "assumed", "fitted"]
-_MAX_NUMBER = 1e12  # of any of its numbers
-# of the package's data: the robot that is simulated when nobody names another, and one of stiff cables, with the little
-# friction that Lewis and Hannaford tell of joint 1 (2014)
+_MAX_NUMBER = 1e12  # of any parameter
+# data files of the package: the default robot, and one with stiff cables and the low friction that Lewis and Hannaford
+# (2014) report of joint 1
 RAVEN2, RAVEN2_STIFF = "raven2_friction.toml", "raven2.toml"
 Parameters = TypeVar("Parameters", bound=Record)
 
 
 class CableDrive(Record):
-    """Motors, gears and cables as they really are, one per joint; [rad, rad, m] are units of a RAVEN-II's joints."""
+    """True parameters of motors, gears and cables, one per joint; [rad, rad, m] are units of a RAVEN-II's joints."""
 
     ratio: PerJoint  # nominal motor turns per joint [rad/rad, rad/rad, rad/m]
     ratio_error: PerJoint  # true ratio over nominal, minus 1
@@ -41,11 +41,11 @@ class CableDrive(Record):
     pulley_runout: PerJoint  # [rad, rad, m]
     pulley_phase: PerJoint  # [rad]
     idler_runout: PerJoint  # [rad, rad, m]
-    idler_turns: PerJoint  # of an idler per winding of the cable [rad/rad, rad/rad, rad/m]
+    idler_turns: PerJoint  # turn of an idler per winding of the cable [rad/rad, rad/rad, rad/m]
     idler_phase: PerJoint  # [rad]
     node_friction: PerJoint  # of idlers on the cable, from its pretension [Nm, Nm, N]
     node_load_friction: PerJoint  # per tension
-    node_share: PerJoint  # of the cable's compliance between motor and idlers, between 0 and 1
+    node_share: PerJoint  # share of the cable's compliance between motor and idlers, 0 to 1
     backlash: PerJoint  # total width [rad, rad, m]
     set_rate: PerJoint  # per rad or m of travel
     set_side: PerJoint  # 1 or -1
@@ -58,29 +58,29 @@ class CableDrive(Record):
 
 
 class Cable(CableDrive):
-    """A RAVEN-II's arm as it really is: three positioning joints behind cables, four tool rotors."""
+    """True parameters of a RAVEN-II's arm: three positioning joints behind cables, four tool rotors."""
 
     coupling: PerJoint  # true c01, c02, c12
-    stop_position: PerJoint  # where the joint meets its stop [rad, rad, m]
+    stop_position: PerJoint  # of the mechanical stop [rad, rad, m]
     stop_side: PerJoint  # -1 for a stop below, 1 above
     stop_stiffness: PerJoint  # [Nm/rad, Nm/rad, N/m]
     stop_damping: PerJoint
     tool_inertia: PerTool  # [kg m2]
     tool_friction: PerTool  # [Nm]
-    tool_stiction: PerTool  # by which friction is larger at rest, as a share of it
-    tool_ripple: PerTool  # of friction along the joint, as a share of it
+    tool_stiction: PerTool  # additional friction at rest, relative
+    tool_ripple: PerTool  # amplitude of friction's variation along the joint, relative
     tool_wave: PerTool  # periods of that ripple per 2 pi of the joint
     tool_damping: PerTool  # [Nm s]
     tool_ratio: PerTool  # motor turns per joint turn
-    tool_carried: PerTool  # turns of its motor per turn of the insertion's that keep the joint still
-    tool_stop: PerTool  # where the tool joints meet their stops, above [rad]
+    tool_carried: PerTool  # turns of its motor per turn of the insertion's motor with the joint at rest
+    tool_stop: PerTool  # upper stops of the tool joints [rad]
     tool_stop_stiffness: PerTool  # [Nm/rad]
 
 
 class AxisFirmware(Record):
-    """What any arm's own control has for each axis, and believes of it. Read by compiled code."""
+    """Control parameters of each axis, as the firmware of any arm has them; read by compiled code."""
 
-    ratio: PerAxis  # motor turns per joint's, or per actuator's
+    ratio: PerAxis  # nominal motor turns per turn of the joint or actuator
     kp: PerAxis  # of a RAVEN-II's motors [Nm at the gearbox's output per rad], of a PSM's joints [Nm/rad, N/m]
     kd: PerAxis
     torque_constant: PerAxis  # [Nm/A]
@@ -88,16 +88,16 @@ class AxisFirmware(Record):
     home_value: PerAxis  # [rad, rad, m, rad...]
     lower: PerAxis  # joint limits of the setpoints
     upper: PerAxis
-    step_limit: PerAxis  # most that a setpoint moves in 1 ms
+    step_limit: PerAxis  # largest change of a setpoint in 1 ms
 
 
 class Firmware(AxisFirmware):
-    """A RAVEN-II's own control."""
+    """Control parameters of a RAVEN-II."""
 
     coupling: PerJoint  # nominal c01, c02, c12
     ki: PerAxis  # [Nm/(rad s)]
     gearbox: PerAxis
-    dac_limit: PerAxis  # 0 for never limited
+    dac_limit: PerAxis  # 0 for no limit
     dac_sign: PerAxis
     home_threshold: PerAxis  # [DAC]
     stop_value: PerAxis  # joint position registered at the stop [rad, rad, m, rad...]
@@ -106,38 +106,38 @@ class Firmware(AxisFirmware):
 
 
 class Rig(Record):
-    """The external joint encoders."""
+    """Parameters of the external joint encoders."""
 
     counts: PerJoint  # per rad, rad, m
-    registered: PerJoint  # position that the rig calls the stop [rad, rad, m]
-    window: PerJoint  # counts within the peak that are averaged
+    registered: PerJoint  # position assigned to the stop [rad, rad, m]
+    window: PerJoint  # counts below the peak that are averaged
 
 
 class Entry(Settings):
-    """One parameter of the data file."""
+    """One parameter of a data file."""
 
     value: list[float]
     unit: str
     origin: Origin
-    least: list[float] | None = None  # that is plausible, and why in the note
+    least: list[float] | None = None  # plausible range, justified in the note
     most: list[float] | None = None
     note: str | None = None
 
 
 class CableFile(Settings):
-    """The data file: what the arm is, what its firmware believes, what the rig measures."""
+    """A data file: true parameters of the arm, nominal ones of its firmware, and those of the rig."""
 
     name: str
-    of: str | None = None  # another file of the package, of which this one has what is different
+    of: str | None = None  # another file of the package, whose parameters this one overrides
     sources: list[str]
-    reported: Literal["float32", "float64"] = "float64"  # what positions and torques are in its messages
+    reported: Literal["float32", "float64"] = "float64"  # type of positions and torques in its messages
     cable: dict[str, Entry] = Field(default_factory=dict)
     firmware: dict[str, Entry] = Field(default_factory=dict)
     rig: dict[str, Entry] = Field(default_factory=dict)
 
 
 class CableArm(NamedTuple):
-    """A cable-driven arm as its data file has it."""
+    """A cable-driven arm as defined by its data file."""
 
     name: str
     cable: Cable
@@ -147,7 +147,14 @@ class CableArm(NamedTuple):
 
 
 def load_cable_arm(path: Path | str = RAVEN2) -> CableArm:
-    """Load the RAVEN-II's left arm by a data file of the package, or another arm of the kind from a file's path."""
+    """Load a cable-driven arm from a data file.
+
+    Args:
+        path: Name of a file of the package, or the path of another file.
+
+    Raises:
+        ConfigError: A parameter is missing, unknown, or outside its plausible range.
+    """
     if isinstance(path, str):
         with as_file(files("catenary.simulation") / "data" / path) as packaged:
             return load_cable_arm(packaged)
@@ -166,7 +173,7 @@ def load_cable_arm(path: Path | str = RAVEN2) -> CableArm:
 
 
 def parameters_of(path: Path, table: str, entries: dict[str, Entry], kind: type[Parameters]) -> Parameters:
-    """Return the parameters of a table of a data file, checked."""
+    """Check the entries of a data file's table and return them as a record."""
     missing = [name for name in kind.fields if name not in entries]
     unknown = [name for name in entries if name not in kind.fields]
     if missing or unknown:
@@ -188,36 +195,40 @@ def parameters_of(path: Path, table: str, entries: dict[str, Entry], kind: type[
     return parameters
 
 
-def drawn(parameters: Parameters, rng: np.random.Generator, ratio: float, shares: Mapping[str, float]) -> Parameters:
-    """Draw another drive of the kind, its numbers in this order: gears, then each by its share, a phase anew by 0."""
-    found = parameters.copy()
-    found["ratio_error"] += ratio * rng.standard_normal(found["ratio_error"].size)
+def varied(parameters: Parameters, rng: np.random.Generator, ratio: float, shares: Mapping[str, float]) -> Parameters:
+    """Draw a random drive of the same kind.
+
+    `ratio` is the standard deviation added to ratio errors, `shares` the log-standard deviation of other parameters, in
+    order; 0 draws a phase uniformly.
+    """
+    drive = parameters.copy()
+    drive["ratio_error"] += ratio * rng.standard_normal(drive["ratio_error"].size)
     for name, share in shares.items():
-        n = found[name].size
-        found[name] = found[name] * np.exp(share * rng.standard_normal(n)) if share else rng.uniform(-np.pi, np.pi, n)
-    return found
+        n = drive[name].size
+        drive[name] = drive[name] * np.exp(share * rng.standard_normal(n)) if share else rng.uniform(-np.pi, np.pi, n)
+    return drive
 
 
-# of stiffness, friction and run-out
+# relative variation of stiffness, friction and run-out
 _SHARES = {
     "coupling": 0.05, "stiffness": 0.15, "hysteresis_width": 0.15, "rotor_friction": 0.2, "link_friction": 0.2,
     "capstan_runout": 0.2, "pulley_runout": 0.2, "capstan_phase": 0.0, "pulley_phase": 0.0, "tool_friction": 0.2,
 }  # fmt: skip
-# of idlers, the set's wandering and tools; drawn beside the others, which so are what they are without these
+# the same of idlers, random set and tools, from another generator, so that the others do not depend on them
 _FURTHER_SHARES = {
     "idler_runout": 0.2, "idler_phase": 0.0, "node_friction": 0.2, "set_wander": 0.2, "tool_stiction": 0.2,
     "tool_ripple": 0.2, "tool_wave": 0.2,
 }  # fmt: skip
 
 
-def varied(arm: CableArm, rng: np.random.Generator) -> CableArm:
-    """Draw another arm of the same kind: ratios by 1 %, stiffness by 15 %, friction by 20 %, run-out anew in phase."""
+def varied_arm(arm: CableArm, rng: np.random.Generator) -> CableArm:
+    """Draw a random arm of the same kind: ratios by 1 %, stiffness by 15 %, friction by 20 %, run-out in any phase."""
     further = rng.spawn(1)[0]
-    return arm._replace(cable=drawn(drawn(arm.cable, rng, 0.01, _SHARES), further, 0.0, _FURTHER_SHARES))
+    return arm._replace(cable=varied(varied(arm.cable, rng, 0.01, _SHARES), further, 0.0, _FURTHER_SHARES))
 
 
 def right_arm(arm: CableArm) -> CableArm:
-    """Return the green arm: other DAC signs at the positioning joints, the tool on the other side, J3 less damped."""
+    """Return the right (green) arm: opposite DAC signs of positioning joints, mirrored tool, less damping of J3."""
     f = arm.firmware
     sign, kd = f.dac_sign.copy(), f.kd.copy()
     sign[:POSITIONING] *= -1.0

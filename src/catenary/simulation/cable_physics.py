@@ -1,4 +1,4 @@
-"""One step of a cable-driven arm: rotors, gears, cables, links. Compiled; every array is the caller's."""
+"""Physics step of a cable-driven arm, compiled: rotors, gears, elastic cables with friction and drift, links."""
 
 import math
 from typing import Annotated
@@ -20,7 +20,7 @@ from catenary.transmission.cable_elasticity import (
     next_draw,
     set_rate,
     tension_of,
-    wandered,
+    wander_step,
     winding_of,
 )
 from catenary.transmission.cable_friction import coulomb, coulomb_coupled, dragged
@@ -31,32 +31,31 @@ _FRICTION_SWEEPS = 4
 
 
 class ArmState(Record):
-    """What changes while an arm moves. Positioning joints come first among the seven rotors."""
+    """State of an arm. Positioning joints come first among the seven rotors."""
 
     rotor: PerAxis  # motor shafts [rad]
     rotor_velocity: PerAxis  # [rad/s]
-    q: PerJoint  # where the joints really are [rad, rad, m]
+    q: PerJoint  # true joint positions [rad, rad, m]
     qd: PerJoint  # [rad/s, rad/s, m/s]
     hysteresis: PerJoint  # Bouc-Wen states, -1 to 1
     slow_stretch: PerJoint  # Maxwell branches [rad, rad, m]
     slack: PerJoint  # permanent set of the cables [rad, rad, m]
-    loss: PerJoint  # share of the stiffness that is lost
+    loss: PerJoint  # relative loss of stiffness
     tension: PerJoint  # of the last step [Nm, Nm, N]
-    dice: PerJoint  # random numbers of the set's wandering
-    node: PerJoint  # friction on the cable between motor and joint: by how much its two ends' tensions differ
-    friction: PerJoint  # impulses of the last step, where the next one's search starts
+    dice: PerJoint  # random numbers of the set's random walk
+    node: PerJoint  # friction of idlers: difference of the tensions at the cable's two ends [Nm, Nm, N]
+    friction: PerJoint  # impulses of the last step, from which the next solution starts
 
 
 @inlined
 def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, winding_rate: float, step: float) -> None:
     """Stretch cable j and write its tension; update its friction, hysteresis, creep, set and wear.
 
-    Idlers rub on the cable between motor and joint. Taken as one node that slides on the cable, a share of its
-    compliance on the motor's side, they make the tensions at both ends differ by their friction f: the motor feels
-    T + (1 - share) f, the joint T - share f. While the node sticks, f grows with its way were it free, by the stiffness
-    K / share + K / (1 - share) of both parts.
+    The friction f of idlers is lumped in one node that slides on the cable, with `node_share` of its compliance on the
+    motor's side: the motor feels T + (1 - share) f, the joint T - share f. While the node sticks, f grows with the
+    displacement of the free node by the stiffness K / share + K / (1 - share) of both parts.
 
-    winding is what the joints wind up of it, in units of the motor's side of the gear [rad or m], step in s.
+    winding is the cable wound up by the joints, in joint units [rad or m], winding_rate its rate, step in s.
     """
     true_ratio = cable.ratio[j] * (1.0 + cable.ratio_error[j])
     runout = cable.capstan_runout[j] * math.sin(
@@ -65,9 +64,9 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
     runout += cable.idler_runout[j] * math.sin(cable.idler_turns[j] * winding + cable.idler_phase[j])
     pulled = state.rotor[j] / true_ratio - winding + runout - state.slack[j]
     stretch = beyond_backlash(pulled, cable.backlash[j])
-    # run-out moves slowly: it enters the stretch, not its rate
+    # run-out changes slowly: it enters the stretch, not its rate
     rate = state.rotor_velocity[j] / true_ratio - winding_rate
-    # of the travel since the last step only what lay outside the backlash stretched the cable
+    # of the travel since the last step only the part outside the backlash stretched the cable
     stretched = stretch - beyond_backlash(pulled - rate * step, cable.backlash[j])
     if stretch == 0.0:
         rate = 0.0
@@ -91,7 +90,7 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
         )  # fmt: skip
         if cable.set_wander[j] > 0.0:
             state.dice[j] = next_draw(state.dice[j])
-            state.slack[j] = wandered(
+            state.slack[j] = wander_step(
                 state.slack[j], state.dice[j], step * speed, cable.set_wander[j], cable.largest_set[j]
             )
         state.loss[j] += step * loss_rate(tension, cable.reference_tension[j], speed, state.loss[j], cable.loss_rate[j])
@@ -99,13 +98,13 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
 
 @inlined
 def pull_at_joint(cable: CableDrive, state: ArmState, j: int) -> float:
-    """Return what cable j pulls with at the joint's end [Nm or N]."""
+    """Return the pull of cable j at the joint's end [Nm or N]."""
     return state.tension[j] - cable.node_share[j] * state.node[j]
 
 
 @inlined
 def turn_rotor(cable: CableDrive, state: ArmState, j: int, torque: float, braked: bool, step: float) -> None:
-    """Turn motor j against its cable: torque [Nm] at its shaft, or held by its brake."""
+    """Advance motor j against its cable by a step [s], with a torque [Nm] at its shaft, or held by its brake."""
     if braked:
         state.rotor_velocity[j] = 0.0
         return
@@ -120,13 +119,13 @@ def turn_rotor(cable: CableDrive, state: ArmState, j: int, torque: float, braked
 
 
 class TreeWork(Record):
-    """Scratch for `tree_dynamics`, whose results are `bias` and `matrix`."""
+    """Work arrays of `tree_dynamics`, whose results are `bias` and `matrix`."""
 
     sine: _PerLink
     cosine: _PerLink
     rotation: Annotated[Floats, "f8", ("link", 3, 3)]
     position: Annotated[Floats, "f8", ("link", 3)]
-    # the recursions' rows are the links', then the base's
+    # rows of the recursions: the links, then the base
     omega: _Vectors
     alpha: _Vectors
     acceleration: _Vectors
@@ -137,15 +136,15 @@ class TreeWork(Record):
     inertia: Annotated[Floats, "f8", ("node", 3, 3)]
     matrix: Annotated[Floats, "f8", ("link", "link")]  # mass matrix [kg m2, kg m, kg]
     bias: _PerLink  # torques of velocity, gravity and a moving base [Nm, N]
-    zero: _PerLink  # accelerations at which the bias is taken: stays zero
+    zero: _PerLink  # accelerations for the bias: stays zero
 
 
 @inlined
 def tree_dynamics(tree: Tree, x: Floats, xd: Floats, gravity: Floats, base_motion: Floats, work: TreeWork) -> None:
-    """Write a tree's bias torques and its mass matrix, in its own coordinates.
+    """Write a tree's bias torques and mass matrix in its own coordinates to `bias` and `matrix` of `work`.
 
-    x and its rates xd have n entries or more; gravity (3,) [m/s2] and base_motion (3, 3), angular velocity, angular
-    acceleration and linear acceleration of the base, are in base axes; `bias` and `matrix` of work are the result.
+    x and its rates xd have n entries or more [rad|m]; gravity (3,) [m/s2] and base_motion (3, 3), angular velocity,
+    angular acceleration and linear acceleration of the base, are in base axes.
     """
     n = len(tree.parent)
     for j in range(n):
@@ -181,7 +180,7 @@ def invert_symmetric(m: Floats, inverse: Floats) -> None:
 
 
 class Work(TreeWork):
-    """Scratch for `link_dynamics`, whose results are `bias` and `inverse`, and for `physics_step`."""
+    """Work arrays of `link_dynamics`, whose results are `bias` and `inverse`, and of `physics_step`."""
 
     inverse: Annotated[Floats, "f8", ("joint", "joint")]  # of the mass matrix
     push: PerJoint
@@ -192,8 +191,7 @@ class Work(TreeWork):
 def physics_step(cable: Cable, state: ArmState, shaft_torque: Floats, braked: bool, step: float, work: Work) -> None:
     """Advance an arm by one semi-implicit Euler step: forces, then velocities, then positions.
 
-    shaft_torque (7,) is of the motors [Nm]; braked: every shaft is held. In work `link_dynamics` has left the dynamics
-    of the links.
+    shaft_torque (7,) is that of the motors [Nm]; `braked` holds every shaft; `link_dynamics` must have filled `work`.
     """
     q, qd = state.q, state.qd
     rate = winding_of(cable.coupling, qd)
@@ -219,7 +217,7 @@ def physics_step(cable: Cable, state: ArmState, shaft_torque: Floats, braked: bo
 
 @inlined
 def move_joints(state: ArmState, step: float, work: Work) -> None:
-    """Move the joints by what pushes them and the impulses of friction, in work, as by semi-implicit Euler."""
+    """Advance the joints by the forces and friction impulses in `work`, by semi-implicit Euler."""
     q, qd = state.q, state.qd
     for j in range(len(q)):
         change = 0.0
@@ -232,19 +230,19 @@ def move_joints(state: ArmState, step: float, work: Work) -> None:
 
 
 def unstretched_rotors(cable: CableDrive, q: Floats, winding: Floats) -> Floats:
-    """Return the motors' positions [rad] at which no cable is stretched at joint positions q, (n,) as their winding."""
+    """Return motor positions (n,) [rad] with unstretched cables, at joint positions q (n,) and their winding (n,)."""
     true_ratio = cable.ratio * (1.0 + cable.ratio_error)
     fixed = winding - cable.pulley_runout * np.sin(q + cable.pulley_phase)
     fixed = fixed - cable.idler_runout * np.sin(cable.idler_turns * winding + cable.idler_phase)
     rotor: Floats = true_ratio * fixed
-    for _ in range(20):  # the capstan's run-out turns with the rotor; each round leaves 1/20 of the error
+    for _ in range(20):  # the capstan's run-out turns with the rotor; an iteration leaves 1/20 of the error
         rotor = true_ratio * (fixed - cable.capstan_runout * np.sin(rotor / cable.gearbox + cable.capstan_phase))
     return rotor
 
 
 @inlined
 def _turn_tool(cable: Cable, state: ArmState, t: int, torque: float, braked: bool, step: float) -> None:
-    """Turn tool motor t: its cables are taken as rigid, its joint meets a stop."""
+    """Advance tool motor t, with rigid cables and a stop of its joint."""
     if braked:
         state.rotor_velocity[3 + t] = 0.0
         return
@@ -263,9 +261,9 @@ def _turn_tool(cable: Cable, state: ArmState, t: int, torque: float, braked: boo
 
 @inlined
 def link_dynamics(tree: Tree, state: ArmState, gravity: Floats, base_motion: Floats, work: Work) -> None:
-    """Write the bias torques of the three positioning joints' links, payload included, and their mass matrix's inverse.
+    """Write bias torques and the inverse mass matrix of the three positioning joints, payload included.
 
-    They change with the pose, which a millisecond hardly moves; substeps are for cables, rotors and friction.
+    They are constant over a millisecond's substeps, which are for cables, rotors and friction.
     """
     tree_dynamics(tree, state.q, state.qd, gravity, base_motion, work)
     invert_symmetric(work.matrix, work.inverse)

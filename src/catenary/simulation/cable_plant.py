@@ -1,8 +1,8 @@
-"""A simulated RAVEN-II arm: real cables, its own firmware, external encoders; homing, first joints alone, telemetry.
+"""Simulated RAVEN-II arm: elastic cables, its own firmware, external encoders; homing, positioning joints, telemetry.
 
-[Homing: RAVEN-II source, branch master, homing.cpp] Tools first, the positioning joints standing still; then the three
-positioning joints together. An axis has met its stop, which registers its encoders, own and external ones, when the DAC
-that its PD asks for reaches a threshold.
+[Homing: RAVEN-II source, branch master, homing.cpp] Tools first, with the positioning joints at rest; then the three
+positioning joints together. An axis is at its stop, where its own and the external encoders are registered, when the
+DAC value of its PD reaches a threshold.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,11 +19,11 @@ from catenary.raven2.topics import ARM_OF_SIDE, JOINTS, UNITS, in_channels
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel, Tree
 from catenary.simulation.base_motion import BaseSamples, MovingBase
-from catenary.simulation.cable_parameters import CableArm, Firmware, Rig, load_cable_arm, right_arm, varied
+from catenary.simulation.cable_parameters import CableArm, Firmware, Rig, load_cable_arm, right_arm, varied_arm
 from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
 from catenary.simulation.firmware import (
-    FOUND,
-    SEEKING,
+    STOP_FOUND,
+    STOP_SOUGHT,
     ControlState,
     OwnGravity,
     TickLog,
@@ -37,11 +37,11 @@ from catenary.simulation.firmware import (
 from catenary.simulation.firmware_plant import AXIS_FIELDS, FirmwarePlant, columns_of, half_cosine
 from catenary.simulation.records import OFF, POSITION, POSITIONING, TOOLS
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.transmission.cable_elasticity import LARGEST_LOSS, winding_of
+from catenary.transmission.cable_elasticity import MAX_LOSS, winding_of
 
 # [rad/s, rad/s, m/s, rad/s...] towards the stops: shoulder down, elbow up, insertion out, tools up
 _SEEK_SPEEDS = np.array([-np.deg2rad(10.0), np.deg2rad(10.0), 0.02, *np.deg2rad([80.0, 40.0, 40.0, 40.0])])
-_RAMP_S = 0.5  # [s] in which the speed rises as v (1 - cos 2 pi t)
+_RAMP_S = 0.5  # [s] rise of the speed as v (1 - cos 2 pi t)
 _AMPLIFIER_WAIT_S = 1.0  # [s]
 _REGISTER_WAIT_S = 0.2  # [s] from the last stop to the registration
 _HOME_TIME_S = 2.5  # [s] of the half cosine to the home position
@@ -49,28 +49,27 @@ _MAX_SEEK_S = 60.0  # [s]
 _POSITIONING_AXES = np.array([True] * 3 + [False] * 4)
 _TOOL_AXES = ~_POSITIONING_AXES
 Booleans = NDArray[np.bool_]
-_AWAITED_AXES = np.array([False] * 3 + [True, True, True, False])  # the last jaw is not waited for
+_AWAITED_AXES = np.array([False] * 3 + [True, True, True, False])  # homing does not wait for the last jaw
 
 
 class ExternalEncoders:
-    """Encoders that see the joints themselves, beyond the cables."""
+    """Encoders on the joints themselves, beyond the cables; not registered at first."""
 
     def __init__(self, rig: Rig) -> None:
-        """Take the rig's numbers; the encoders are not registered."""
         self.rig = rig
-        self.zero = np.full(3, np.nan)  # (3,) counts at which a joint is where `rig.registered` says
+        self.zero = np.full(3, np.nan)  # (3,) counts at `rig.registered`
 
     def counts(self, q: Floats) -> Floats:
         """Return the counts at true joint positions (..., 3) [rad, rad, m]."""
         return np.round(q * self.rig.counts)
 
     def positions(self, counts: Floats) -> Floats:
-        """Return the joint positions that the rig reports, (..., 3) [rad, rad, m]; NaN before it is registered."""
+        """Return the reported joint positions (..., 3) [rad, rad, m] of counts; NaN before registration."""
         return np.asarray(self.rig.registered + (counts - self.zero) / self.rig.counts)
 
 
 def mean_near_peak(counts: Floats, side: Floats, window: Floats) -> Floats:
-    """Return the mean (3,) of the counts (T, 3) within a window (3,) of their peaks on the given sides (3,)."""
+    """Return the mean (3,) of the counts (T, 3) within a window (3,) of their peaks on the given sides (3,), +-1."""
     peak = np.max(counts * side, axis=0) * side
     near = np.abs(counts - peak) <= window
     return np.asarray(np.where(near, counts, 0.0).sum(axis=0) / near.sum(axis=0))
@@ -80,12 +79,12 @@ def home(
     firmware: Firmware, control: ControlState, arm: ArmState, encoders: ExternalEncoders, stop_side: Floats,
     joint_names: Sequence[str],
 ) -> Iterator[Floats]:  # fmt: skip
-    """Home an arm, tick by tick: each item is the next row of setpoints (7,); the rest is written to control.
+    """Home an arm tick by tick: yield the next setpoints (7,) [rad, rad, m, rad...], and update `control`.
 
-    The rig's encoders are registered at the stops of the positioning joints, on stop_side (3,), -1 for one below: at
+    The external encoders are registered at the stops of the positioning joints, on stop_side (3,), -1 for one below: at
     the mean of the counts near their peak.
     """
-    control.guarded = False  # the stops lie beyond the software limits
+    control.guarded = False  # the stops are beyond the software limits
     control.mode[:] = POSITION
     hold = control.joint.copy()
     for _ in range(round(_AMPLIFIER_WAIT_S / PERIOD)):
@@ -105,22 +104,22 @@ def home(
 
 
 def _seek(control: ControlState, axes: Booleans, waited_for: Booleans, joint_names: Sequence[str]) -> Iterator[Floats]:
-    """Run axes towards their stops until those waited for have met them, and a moment longer."""
+    """Move axes towards their stops until the awaited ones reach them, and `_REGISTER_WAIT_S` longer."""
     wanted, seek, setpoint = control.joint.copy(), control.seek, control.setpoint
-    seek[axes] = SEEKING
+    seek[axes] = STOP_SOUGHT
     t, since = 0.0, 0.0
     while since < _REGISTER_WAIT_S:
         ramp = 1.0 - np.cos(2.0 * np.pi * t) if t < _RAMP_S else 1.0
-        found = seek == FOUND
-        moving = axes & ~found
-        wanted = np.where(moving, wanted + _SEEK_SPEEDS * ramp * PERIOD, np.where(found, setpoint, wanted))
+        at_stop = seek == STOP_FOUND
+        moving = axes & ~at_stop
+        wanted = np.where(moving, wanted + _SEEK_SPEEDS * ramp * PERIOD, np.where(at_stop, setpoint, wanted))
         yield wanted
         t += PERIOD
-        if (found | ~waited_for).all():
+        if (at_stop | ~waited_for).all():
             since += PERIOD
         if t > _MAX_SEEK_S:
-            lost = [joint_names[int(j)] for j in np.flatnonzero(waited_for & ~found)]
-            raise NotReadyError(f"homing: {', '.join(lost)} met no stop in {_MAX_SEEK_S:g} s")
+            lost = [joint_names[int(j)] for j in np.flatnonzero(waited_for & ~at_stop)]
+            raise NotReadyError(f"homing: {', '.join(lost)} reached no stop in {_MAX_SEEK_S:g} s")
     seek[:] = OFF
 
 
@@ -131,13 +130,21 @@ _REPORTED_FIELDS = {  # name in telemetry: field of the firmware's state, unit
     "dac_val": ("dac", "DAC"),
     "encoffsets": ("offset", "counts"),
 }
-# between which an arm stands at power-on [rad, rad, m]
+# range of the positions at power-on [rad, rad, m]
 _START_ENDS = [*np.deg2rad([10.0, 60.0]), 0.30], [*np.deg2rad([70.0, 120.0]), 0.45]
 _PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: the tool's wrist
 
 
 class CablePlant(FirmwarePlant[TickLog]):
-    """One arm. Nothing moves before it is homed and enabled; brakes hold it while it is not enabled."""
+    """Simulated RAVEN-II arm. It must be homed and enabled to move; brakes hold it while it is not enabled.
+
+    Example:
+        >>> plant = catenary.CablePlant()
+        >>> plant.home()
+        >>> log = plant.run(np.tile(plant.setpoint_js().q, (100, 1)))
+        >>> log.joint.shape
+        (100, 7)
+    """
 
     def __init__(
         self,
@@ -151,24 +158,27 @@ class CablePlant(FirmwarePlant[TickLog]):
         substeps: int = 2,
         grav_dir: Sequence[float] | None = None,
     ) -> None:
-        """Put an arm on a base.
+        """Create an arm, powered on and disabled.
 
         Args:
-            arm: The package's RAVEN-II when None.
+            arm: Parameters; the package's RAVEN-II when None.
             side: "left" (gold) or "right" (green).
-            seed: Draws another robot of the kind and where it stands; None is the nominal one, always at one place.
-            start: (3,) where the positioning joints stand at power-on [rad, rad, m], in place of a drawn one.
-            payload: Mass at the tool's wrist [kg].
-            base: A level base at rest when None.
-            substeps: Physics steps in 1 ms; 1 is enough for hours-long runs.
-            grav_dir: Gravity that its own compensation goes by, three whole numbers [cm/s2] as the robot has them,
-                z down: (0, 0, 980) on the real one, on whatever base. No compensation of its own when None.
+            seed: Draws a random robot of the kind and its start; None is the nominal robot at a fixed start.
+            start: (3,) positions of the positioning joints at power-on [rad, rad, m]; drawn when None.
+            payload: Mass at the tool's wrist [kg], 0 or more.
+            base: Motion of the base; level and fixed when None.
+            substeps: Physics steps per millisecond; 1 is enough for hours-long runs.
+            grav_dir: Gravity of the firmware's own compensation, three integers [cm/s2] with z down, as on the robot:
+                (0, 0, 980) on the real one, whatever its base. No compensation when None.
+
+        Raises:
+            InputError: An argument is out of range.
         """
         if side not in ("left", "right"):
             raise InputError(f'side "{side}": expected left or right')
         rng = np.random.default_rng(0 if seed is None else seed)
         drawn = load_cable_arm() if arm is None else arm
-        drawn = drawn if seed is None else varied(drawn, rng)
+        drawn = drawn if seed is None else varied_arm(drawn, rng)
         self.arm = drawn if side == "left" else right_arm(drawn)
         super().__init__(base, substeps)
         self.side, self.seed = side, seed
@@ -176,7 +186,7 @@ class CablePlant(FirmwarePlant[TickLog]):
         positioning = load_robot("raven2" if side == "left" else "raven2_right")
         self._positioning, self._links = positioning, _writable(positioning.tree)
         self.carry(payload)
-        # the arm's parameters and the firmware's; others may be put in place of them
+        # parameters of the arm and of its firmware, which may be replaced
         self.cable, self.firmware = self.arm.cable.copy(), self.arm.firmware.copy()
         self.state = ArmState()
         self.control = ControlState(braked=True, guarded=True)
@@ -186,7 +196,7 @@ class CablePlant(FirmwarePlant[TickLog]):
         self._work = Work()
         self._power_on(rng, start)
 
-    # what a Plant says about itself
+    # properties of a Plant
 
     joint_names: tuple[str, ...] = JOINTS
     joint_units: tuple[str, ...] = UNITS
@@ -202,10 +212,9 @@ class CablePlant(FirmwarePlant[TickLog]):
 
     @property
     def grav_dir(self) -> tuple[int, int, int] | None:
-        """Gravity that the robot's own compensation goes by [cm/s2], z down; None without compensation.
+        """Gravity of the firmware's own compensation [cm/s2], z down; None without compensation.
 
-        May be set, as a program on the robot may: it holds until the arm is disabled or homes, and is then what it
-        was at the beginning.
+        It can be set, as by a program on the robot, and returns to its initial value when the arm is disabled or homed.
         """
         return grav_dir_of(self._own_gravity.gravity) if self._compensates else None
 
@@ -214,13 +223,13 @@ class CablePlant(FirmwarePlant[TickLog]):
         gravity = gravity_of(grav_dir)
         if not self._compensates:
             raise InputError("grav_dir: this robot was made without gravity compensation of its own")
-        if self._own_gravity.weighs:
+        if self._own_gravity.is_enabled:
             self._own_gravity.gravity = gravity
 
     def switch_own_gravity(self, grav_dir: Sequence[float] | None) -> None:
-        """Switch the robot's own gravity compensation on, by a gravity as `grav_dir` has it, or off.
+        """Switch the firmware's own gravity compensation on, with gravity in the format of `grav_dir`, or off (None).
 
-        As if its program had been made so: it outlasts `disable` and homing. No topic of the robot's software does it.
+        It persists through `disable` and homing, as if compiled into the firmware; no topic of the robot does this.
         """
         self._written_gravity = np.zeros(3) if grav_dir is None else gravity_of(grav_dir)
         self._compensates = grav_dir is not None
@@ -234,42 +243,42 @@ class CablePlant(FirmwarePlant[TickLog]):
         return self._sample(joint_enc=counts, ext_jpos=positions, q_true=self.state.q.copy())
 
     def external_encoders(self) -> Floats:
-        """Return where the external encoders see the positioning joints, (3,) [rad, rad, m]."""
+        """Return positions of the positioning joints by the external encoders, (3,) [rad, rad, m]."""
         return self.encoders.positions(self.encoders.counts(self.state.q))
 
-    # what only a simulator can do
+    # simulator only
 
     def carry(self, payload: float) -> None:
-        """Carry a mass [kg] at the tool's wrist from now on, in place of the last one."""
+        """Replace the mass at the tool's wrist [kg]."""
         self.payload = float(as_not_negative("payload [kg]", payload, ()))
         self._tree = _writable(self._positioning.with_payload("insertion", payload, _PAYLOAD_PLACE).tree)
 
-    def rub(self, factor: float) -> None:
-        """Rub with so many times the arm's own Coulomb friction from now on, at rotors, idlers and joints."""
+    def set_coulomb_friction(self, factor: float) -> None:
+        """Set Coulomb friction of rotors, idlers and joints to a multiple of the arm's own, 0 or more."""
         factor = float(as_not_negative("friction, times the arm's own", factor, ()))
         for part in ("rotor", "node", "link"):
             for name in (f"{part}_friction", f"{part}_load_friction"):
                 setattr(self.cable, name, factor * getattr(self.arm.cable, name))
 
     def wear(self, share: float) -> None:
-        """Wear the cables: their permanent set and lost stiffness become a share, 0 to 1, of the largest there are."""
+        """Wear the cables: set their permanent set and loss of stiffness to a share, 0 to 1, of their limits."""
         if not 0.0 <= share <= 1.0:
             raise InputError(f"wear: expected a share from 0 to 1, got {share}")
         self.state.slack = share * self.cable.set_side * self.cable.largest_set
-        self.state.loss = np.full(POSITIONING, share * LARGEST_LOSS)
+        self.state.loss = np.full(POSITIONING, share * MAX_LOSS)
 
     @property
     def identity(self) -> dict[str, object]:
-        """What makes this arm another one than others of its kind."""
+        """Parameters that distinguish this arm from others of its kind."""
         return {"side": self.side, "seed": self.seed, "payload": self.payload}
 
     @property
     def registered(self) -> dict[str, Floats]:
-        """What homing wrote besides `control`: (3,) counts at which the rig's encoders are registered."""
+        """Registration besides `control`: (3,) counts of the external encoders at `rig.registered`."""
         return {"rig_zero": self.encoders.zero}
 
     def resume_at(self, tick: int, registered: Mapping[str, Floats], *, is_homed: bool) -> None:
-        """Go on from a saved tick, disabled, with the rig registered as it was."""
+        """Resume from a saved tick, disabled, with the saved registration of the external encoders."""
         self.encoders.zero = registered["rig_zero"].copy()
         super().resume_at(tick, registered, is_homed=is_homed)
 
@@ -286,13 +295,13 @@ class CablePlant(FirmwarePlant[TickLog]):
         return home(self.firmware, self.control, self.state, self.encoders, self.cable.stop_side, self.joint_names)
 
     def _state_or_homing_changed(self) -> None:
-        """Switch the robot's own gravity compensation: once homed, whether the pedal is down or not."""
+        """Enable the firmware's own gravity compensation once homed, with the pedal up or down."""
         own = self._own_gravity
         if not self._is_homing:
             self.control.seek[:] = OFF
         runs = self._is_homed and not self._is_homing and self._state in ("ENABLED", "PAUSED")
-        own.weighs = runs and self._compensates
-        if not own.weighs:
+        own.is_enabled = runs and self._compensates
+        if not own.is_enabled:
             self.control.gravity_torque[:] = 0.0
             own.gravity = self._written_gravity
 
@@ -309,19 +318,19 @@ class CablePlant(FirmwarePlant[TickLog]):
 
 
 def _writable(tree: Tree) -> Tree:
-    """Return a tree of arrays that can be written, as deep copies are: compiled code is made anew for another kind."""
+    """Return a tree of writable arrays, as deep copies are: another kind would compile the code once more."""
     return Tree._make(np.array(part) for part in tree)
 
 
 class PositioningArm:
-    """A Plant of the positioning joints alone, as the robot model of the same name has; the firmware holds the tool.
+    """A Plant of an arm's positioning joints alone, as in robot model `raven2`; the firmware holds the tool.
 
-    The robot compensates gravity for these alone, and its model has mass for these alone. What is not of joints, such
-    as the operating state, telemetry and the clock, is the arm's own.
+    Gravity compensation and masses of the model concern these joints only. The operating state, telemetry and clock
+    are the arm's.
     """
 
     def __init__(self, arm: CablePlant) -> None:
-        """Take an arm; commands to it and to this one reach the same joints."""
+        """Wrap an arm; commands to either reach the same joints."""
         self.arm = arm
 
     def __getattr__(self, name: str) -> Any:
@@ -332,11 +341,11 @@ class PositioningArm:
 
     @property
     def q_true(self) -> Floats:
-        """Where the joints really are, (3,) [rad, rad, m]."""
+        """True joint positions (3,) [rad, rad, m]."""
         return self.arm.state.q.copy()
 
     def measured_js(self) -> JointState:
-        """Return the joint state as the firmware believes it."""
+        """Return the joint state that the firmware reports."""
         return _first(self.arm.measured_js())
 
     def setpoint_js(self) -> JointState:
@@ -373,14 +382,28 @@ COLUMNS = (
 
 
 def as_reported(plant: CablePlant, values: Floats) -> Floats:
-    """Return values with the digits that the robot's messages have."""
+    """Round values to the floating-point type of the robot's messages.
+
+    Args:
+        plant: Arm whose file defines the type.
+    """
     return values.astype(plant.arm.file.reported).astype(np.float64)
 
 
 def of_both_arms(
     plant: CablePlant, log: TickLog, beside: CablePlant | None, log_beside: TickLog | None
 ) -> dict[str, Floats]:
-    """Return `telemetry_of` an arm with the channels and the pose of another beside it, of the same ticks."""
+    """Return the telemetry of one or two arms of a robot in the robot's channels.
+
+    Args:
+        plant: Arm whose own columns are kept.
+        log: Its T ticks.
+        beside: Other arm, if any.
+        log_beside: The other arm's log of the same ticks.
+
+    Returns:
+        Columns as of `telemetry_of`, with the other arm's channels and pose.
+    """
     columns = telemetry_of(plant, log)
     if beside is not None and log_beside is not None:
         others = telemetry_of(beside, log_beside)
@@ -389,9 +412,14 @@ def of_both_arms(
 
 
 def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
-    """Return T ticks of a run as telemetry: column name to (T, width), SI.
+    """Return T ticks of a run as telemetry.
 
-    `pos` and `ori` are the tool's pose in the arm's frame 0, as the robot believes it from its motors.
+    Args:
+        log: Its T ticks.
+
+    Returns:
+        Columns (T, width) by name, in SI; `pos` and `ori` are the tool's pose in frame 0 of the arm, computed from
+        motor positions as on the robot.
     """
     ticks = len(log.joint)
     side = ARM_OF_SIDE[plant.side]

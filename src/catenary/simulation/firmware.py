@@ -1,10 +1,11 @@
-"""The simulated RAVEN-II's own 1 kHz control: encoders, cable coupling, PD, DAC, gravity compensation; its ticks.
+"""Firmware of the simulated RAVEN-II: 1 kHz control with encoders, cable coupling, PD, DAC and gravity compensation.
 
 Compiled; the physics runs inside its tick. [RAVEN-II source, branch master; sections 3 and 5 of its description in
 docs/plant.md]
 
-Gravity compensation of its own [branches master and crtk: grav_comp.cpp, rt_raven.cpp, init.cpp] adds what holds the
-positioning joints under `grav_dir` to the PD's torques, each to its own motor: the cables' coupling is left out.
+The firmware's gravity compensation [branches master and crtk: grav_comp.cpp, rt_raven.cpp, init.cpp] adds the holding
+torques of the positioning joints under `grav_dir` to those of the PD, each to its own motor: the coupling of the
+cables is neglected.
 """
 
 import math
@@ -24,55 +25,55 @@ from catenary.simulation.records import AXES, POSITION, POSITIONING, TORQUE, Cod
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.cable_elasticity import joint_forces, joints_of, tensions_for, winding_of
 
-SEEKING, FOUND = 1, 2
+STOP_SOUGHT, STOP_FOUND = 1, 2
 _STOP_DAC = 20_000.0  # beyond: software e-stop
-_DAC_RANGE = (-32_768.0, 32_767.0)  # the board takes 16 bits
-# how a joint under torques comes to its soft limit, ours: the robot takes torques from nobody and has no such law
-_BRAKING = (2.5, 2.5, 0.15, 25.0, 25.0, 25.0, 25.0)  # [rad/s2, rad/s2, m/s2, rad/s2...] where the limit is far
-_MIN_DAMPING = 0.02  # [s] damping over stiffness, for axes whose PD has less
+_DAC_RANGE = (-32_768.0, 32_767.0)  # 16-bit board
+# deceleration of a torque-controlled joint towards its soft limit, ours: the robot accepts no torque commands
+_BRAKING = (2.5, 2.5, 0.15, 25.0, 25.0, 25.0, 25.0)  # [rad/s2, rad/s2, m/s2, rad/s2...] far from the limit
+_MIN_DAMPING = 0.02  # [s] damping over stiffness, for axes with less in their PD
 
 
 class AxisControl(Record):
-    """What any arm's firmware keeps between ticks, and what it read and sent in the last one."""
+    """State of any arm's firmware between ticks, with its last readings and commands."""
 
     offset: PerAxis  # encoder offsets [counts], written at homing
-    counts: PerAxis  # of the encoders as read
+    counts: PerAxis  # encoder readings
     motor: PerAxis  # measured motor positions [rad]
     motor_velocity: PerAxis  # difference over 1 ms [rad/s]
     joint: PerAxis  # measured joint positions [rad, rad, m, rad...]
     joint_velocity: PerAxis
     setpoint: PerAxis  # desired joint positions
     torque_command: PerAxis  # joint torques for axes in mode TORQUE [Nm, Nm, N, Nm...]
-    torque: PerAxis  # a RAVEN-II's demand at the gearbox's output, before clipping [Nm]; what a PSM's currents give
+    torque: PerAxis  # RAVEN-II: demand at the gearbox's output before clipping [Nm]; PSM: joint torque of the currents
     mode: CodePerAxis  # OFF, POSITION or TORQUE
     braked: bool  # every motor's shaft is held
-    stopped: bool  # the firmware has stopped by itself
-    guarded: bool  # setpoints keep to the joint limits and move by one clamped step a tick
+    stopped: bool  # the firmware has stopped itself
+    guarded: bool  # setpoints are limited to the joint range and to one step a tick
 
 
 class ControlState(AxisControl):
-    """What a RAVEN-II's firmware keeps."""
+    """State of a RAVEN-II's firmware."""
 
     motor_setpoint: PerAxis  # desired motor positions [rad]
     integral: PerAxis  # of the motor position error [rad s]
-    gravity_torque: PerJoint  # the torque's share that holds the links [Nm]; zero while there is none
-    dac: PerAxis  # sent, after clipping, with the board's sign
-    seek: CodePerAxis  # of axes that look for their stop: SEEKING, then FOUND
+    gravity_torque: PerJoint  # gravity compensation in the torque [Nm]; zero if off
+    dac: PerAxis  # output, after clipping, with the board's sign
+    seek: CodePerAxis  # of axes that search for their stop: STOP_SOUGHT, then STOP_FOUND
 
 
 class AxisLog(Record):
-    """What happened in each tick, as it began: rows of one compiled run."""
+    """State at the beginning of each tick: rows of one compiled run."""
 
     motor: PerAxis
     joint: PerAxis
     joint_velocity: PerAxis
     setpoint: PerAxis
     torque: PerAxis
-    q: PerJoint  # where the joints really were
+    q: PerJoint  # true joint positions
 
 
 class TickLog(AxisLog):
-    """Ticks of a RAVEN-II."""
+    """Log of a RAVEN-II."""
 
     counts: PerAxis
     motor_velocity: PerAxis
@@ -82,7 +83,7 @@ class TickLog(AxisLog):
 
 @inlined
 def write_row(row: AxisLog, control: AxisControl, arm: ArmState) -> None:
-    """Write what any arm's log has of a tick."""
+    """Write the columns that the logs of all arms share."""
     for j in range(AXES):
         row.motor[j] = control.motor[j]
         row.joint[j] = control.joint[j]
@@ -95,7 +96,7 @@ def write_row(row: AxisLog, control: AxisControl, arm: ArmState) -> None:
 
 @inlined
 def _motors_of(firmware: Firmware, joint: Floats, insertion_motor: float, out: Floats) -> None:
-    """Write the motor positions at joint positions; the tools' depend on where the insertion motor is."""
+    """Write the motor positions at joint positions; the tools' depend on the insertion motor's position [rad]."""
     winding = winding_of(firmware.coupling, joint)
     for j in range(3):
         out[j] = firmware.ratio[j] * winding[j]
@@ -107,7 +108,7 @@ def _motors_of(firmware: Firmware, joint: Floats, insertion_motor: float, out: F
 
 @inlined
 def _joints_of(firmware: Firmware, motor: Floats, out: Floats) -> None:
-    """Write the joint positions at motor positions, through rigid cables of the nominal ratios."""
+    """Write the joint positions at motor positions, with rigid cables and nominal ratios."""
     first, second, third = joints_of(
         firmware.coupling, (motor[0] / firmware.ratio[0], motor[1] / firmware.ratio[1], motor[2] / firmware.ratio[2])
     )
@@ -120,7 +121,7 @@ def _joints_of(firmware: Firmware, motor: Floats, out: Floats) -> None:
 
 @inlined
 def read_encoders(firmware: Firmware, arm: ArmState, control: ControlState) -> None:
-    """Read the encoders and derive motor and joint positions and velocities; the velocities ignore the coupling."""
+    """Read the encoders and compute motor and joint positions and velocities; the velocities ignore the coupling."""
     for j in range(7):
         control.counts[j] = math.floor(arm.rotor[j] * COUNTS_PER_RADIAN)
         motor = (control.counts[j] - control.offset[j]) / COUNTS_PER_RADIAN
@@ -135,9 +136,9 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
     """Write the motors' shaft torques [Nm]: PD on motor positions, through the DAC's steps and limits.
 
     tau = Kp (m_d - m) + Kd (0 - m_vel) + Ki integral(m_d - m); DAC = trunc(s tau / (Kt gearbox) DAC/A).
-    The integral is never reset and never limited, as on the robot. A commanded torque, which the robot takes from
-    nobody, is the joint's: it goes through the coupling, within what `_bound_torques` lets pass. The robot's own
-    gravity compensation, if there is any, is added to all others.
+    The integral is never reset or limited, as on the robot. A commanded torque, which the real robot does not accept,
+    is the joint's: it is bounded by `_bound_torques` and mapped through the coupling. Gravity compensation, if
+    enabled, is added in the other modes.
     """
     _motors_of(firmware, control.setpoint, control.motor[2], control.motor_setpoint)
     wanted = np.zeros(AXES)
@@ -168,8 +169,8 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
         control.torque[j] = torque
         if limit > 0.0 and abs(dac) > _STOP_DAC:
             control.stopped = True
-        if control.seek[j] == SEEKING and abs(dac) >= firmware.home_threshold[j]:
-            control.seek[j] = FOUND  # no output for this cycle, then the PD holds where the axis stands
+        if control.seek[j] == STOP_SOUGHT and abs(dac) >= firmware.home_threshold[j]:
+            control.seek[j] = STOP_FOUND  # no output in this cycle, then the PD holds the present position
             control.setpoint[j] = control.joint[j]
             dac = 0.0
         if limit > 0.0:
@@ -183,12 +184,12 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
 
 @inlined
 def _bound_torques(firmware: Firmware, control: ControlState, torque: Floats) -> None:
-    """Write the joint torques (7,) as commanded, within the motors' limits and such that joints stay within theirs.
+    """Write the commanded joint torques (7,), bounded by the motors' limits and such that joints stay in their range.
 
-    tau <= D (v(upper - q) - qd) and tau >= -D (v(q - lower) + qd), with v(d) = min(sqrt(2 a d), d K / D) the speed at
-    which a joint may come to a limit d away: slowing down by a, the _BRAKING, then as the PD would that holds it at
-    the limit. K and D are that PD's at the joint, D at least _MIN_DAMPING K. A limit that is passed pushes back, within
-    what the motors may give: the DAC's limit, or _STOP_DAC where there is none.
+    tau <= D (v(upper - q) - qd) and tau >= -D (v(q - lower) + qd), with v(d) = min(sqrt(2 a d), d K / D) the approach
+    speed at a distance d from a limit: deceleration a, the _BRAKING, then that of the PD that holds the joint at the
+    limit. K and D are that PD's gains at the joint, D at least _MIN_DAMPING K. Beyond a limit the joint is pushed back,
+    up to the motors' limits: the DAC's, or _STOP_DAC without one.
     """
     velocity = np.empty(AXES)
     _joints_of(firmware, control.motor_velocity, velocity)  # linear, so it takes velocities too
@@ -204,9 +205,9 @@ def _bound_torques(firmware: Firmware, control: ControlState, torque: Floats) ->
 def bounded_torque(
     firmware: AxisFirmware, control: AxisControl, j: int, velocity: float, per_joint: float, per_motor: float
 ) -> float:
-    """Return the torque of a joint as commanded, such that it stays within its limits by the law of `_bound_torques`.
+    """Return a joint's commanded torque [Nm|N], bounded by the law of `_bound_torques` to keep it in its range.
 
-    The gains times per_joint per_motor are the joint's.
+    Gains at the joint are the firmware's times `per_joint` and `per_motor`.
     """
     slowness = max(firmware.kd[j] / firmware.kp[j], _MIN_DAMPING)  # D / K [s]
     damping = slowness * firmware.kp[j] * per_joint * per_motor
@@ -217,14 +218,14 @@ def bounded_torque(
 
 @inlined
 def _approach_speed(distance: float, slowness: float, braking: float) -> float:
-    """Return the speed at which a joint may come to a limit; beyond it, at which it comes back."""
+    """Return the approach speed at a distance from a limit; beyond it, negative, the speed of return."""
     held = distance / slowness
     return min(held, math.sqrt(2.0 * braking * distance)) if distance > 0.0 else held
 
 
 @inlined
 def take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> None:
-    """Move the setpoint towards what is wanted: guarded, by one clamped step and within the software limits."""
+    """Move the setpoint to the command; if guarded, by at most one step and within the software limits."""
     for j in range(7):
         if math.isnan(wanted[j]):
             continue
@@ -237,7 +238,7 @@ def take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> 
 
 
 def register(firmware: Firmware, control: ControlState, joint: Floats) -> None:
-    """Write encoder offsets so that the axes read joint positions (7,) now, the tools' by their insertion motor."""
+    """Write encoder offsets for which the axes read joint positions (7,) now."""
     motor = np.empty(AXES)
     _motors_of(firmware, joint, 0.0, motor)
     _motors_of(firmware, joint, motor[2], motor)
@@ -247,7 +248,14 @@ def register(firmware: Firmware, control: ControlState, joint: Floats) -> None:
 
 
 def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
-    """Return the joint torques (..., 7) of motor torques (..., 7) [Nm] at the gearboxes' outputs, without friction."""
+    """Return the joint torques of motor torques, without friction.
+
+    Args:
+        torque: (..., 7) at the gearboxes' outputs [Nm].
+
+    Returns:
+        (..., 7) [Nm, Nm, N, Nm...].
+    """
     cable: Floats = torque * firmware.ratio / firmware.gearbox
     joint = cable.copy()
     joint[..., 0], joint[..., 1], joint[..., 2] = joint_forces(
@@ -256,21 +264,21 @@ def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
     return joint
 
 
-NOMINAL_GRAV_DIR = (0, 0, 980)  # [cm/s2] grav_dir on a level base, z down; nothing public ever writes another
+NOMINAL_GRAV_DIR = (0, 0, 980)  # [cm/s2] grav_dir on a level base, z down; no public software writes another
 _MAX_GRAV_DIR = 32_767  # [cm/s2] of a component
-# grav_dir's axes in the base's, whose z points up: turned by 180 deg about y
+# from grav_dir's axes to the base's, whose z points up: a half turn about y
 _AXES = np.array([-1.0, 1.0, -1.0])
 
 
 class OwnGravity(TreeWork):
-    """What the firmware's gravity compensation goes by, and scratch."""
+    """Settings and work arrays of the firmware's gravity compensation."""
 
-    weighs: bool  # whether its torques are added
+    is_enabled: bool
     gravity: PerJoint  # in base axes [m/s2]
 
 
 def gravity_of(grav_dir: Sequence[float]) -> Floats:
-    """Return gravity (3,) in base axes [m/s2] from the robot's integers [cm/s2], whose z points down."""
+    """Return gravity (3,) in base axes [m/s2] from the robot's integers [cm/s2], with z down."""
     given = np.asarray(grav_dir, dtype=float)
     if given.shape != (3,) or not (np.abs(given) <= _MAX_GRAV_DIR).all() or (given != np.round(given)).any():
         raise InputError(f"grav_dir: expected three whole numbers [cm/s2] of at most {_MAX_GRAV_DIR}, got {grav_dir}")
@@ -278,14 +286,14 @@ def gravity_of(grav_dir: Sequence[float]) -> Floats:
 
 
 def grav_dir_of(gravity: Floats) -> tuple[int, int, int]:
-    """Return the robot's integers [cm/s2] of gravity (3,) in base axes [m/s2]."""
+    """Return gravity (3,) in base axes [m/s2] as the robot's integers [cm/s2], with z down."""
     x, y, z = np.round(100.0 * _AXES * gravity).astype(int).tolist()
     return x, y, z
 
 
 @inlined
-def weigh(firmware: Firmware, links: Tree, own: OwnGravity, control: ControlState) -> None:
-    """Write the motor torques that hold the links at the reported positions [Nm at the gearbox's output]."""
+def write_gravity_torque(firmware: Firmware, links: Tree, own: OwnGravity, control: ControlState) -> None:
+    """Write the motor torques that balance gravity at the measured positions [Nm at the gearbox's output]."""
     for j in range(POSITIONING):
         own.sine[j] = math.sin(control.joint[j])
         own.cosine[j] = math.cos(control.joint[j])
@@ -312,12 +320,13 @@ def run_ticks(
     substeps: int,
     log: TickLog,
 ) -> int:
-    """Run the firmware and the arm for T ticks of 1 ms; return how many ran: fewer when the software e-stop tripped.
+    """Run the firmware and the arm for T ticks of 1 ms.
 
-    A tick acts on what the encoders gave at the end of the last one, advances the physics by 1 ms, and reads them
-    again. The tree is that of the positioning joints, payload included, links what the firmware knows of it.
-    Setpoints (T, 7) are joint positions, NaN leaves an axis where it is; gravity is (1, 3) or (T, 3) [m/s2] in base
-    axes, base_motion (1, 3, 3) or (T, 3, 3); the log has T rows, or none to keep no log.
+    A tick acts on the encoder readings of the last one, advances the physics by 1 ms, and reads them again. `tree` is
+    that of the positioning joints with payload, `links` the firmware's model of it. Setpoints (T, 7) are joint
+    positions [rad, rad, m, rad...], NaN for no motion; gravity is (1, 3) or (T, 3) [m/s2] in base axes, base_motion
+    (1, 3, 3) or (T, 3, 3); the log has T rows or none. Returns the number of ticks, less than T after a software
+    e-stop.
     """
     cable, firmware, arm, control, work = cable[()], firmware[()], arm[()], control[()], work[()]
     own = own[()]
@@ -325,8 +334,8 @@ def run_ticks(
     step = PERIOD / substeps
     for k in range(len(setpoints)):
         take_setpoint(firmware, control, setpoints[k])
-        if own.weighs:
-            weigh(firmware, links, own, control)
+        if own.is_enabled:
+            write_gravity_torque(firmware, links, own, control)
         control_motors(firmware, control, shaft_torque)
         if len(log) > 0:
             write_row(log[k], control, arm)

@@ -1,4 +1,4 @@
-"""What simulated arms share whose own firmware runs within the physics' ticks: runs, homing, modes, saved states."""
+"""Base class of simulated arms with their own firmware: compiled runs, homing, control modes, saved states."""
 
 import json
 from abc import abstractmethod
@@ -20,7 +20,7 @@ from catenary.simulation.cable_physics import ArmState
 from catenary.simulation.firmware import AxisLog
 from catenary.simulation.records import AXES, OFF, POSITION, POSITIONING, TORQUE, Record
 from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
-from catenary.transmission.cable_elasticity import SPREAD
+from catenary.transmission.cable_elasticity import RANDOM_MODULUS
 
 Log = TypeVar("Log", bound=AxisLog)
 AXIS_FIELDS = {  # name in telemetry: field of the firmware's state, unit
@@ -34,23 +34,23 @@ AXIS_FIELDS = {  # name in telemetry: field of the firmware's state, unit
 
 
 class FirmwarePlant(SimulatedPlant, Generic[Log]):
-    """An arm behind cables with its firmware; a subclass has the numbers, the compiled ticks and the way to home.
+    """Cable-driven arm with its firmware; a subclass provides the parameters, the compiled ticks and the homing.
 
-    Nothing moves before it is homed and enabled; brakes hold it while it is not enabled. `state` is what the arm does,
-    `control` what its firmware knows; a subclass makes both.
+    It must be homed and enabled to move; brakes hold it while it is not enabled. `state` is that of the arm, `control`
+    that of its firmware; a subclass creates both.
     """
 
     supports = SimulatedPlant.supports | {"servo_jf_of"}
     state: ArmState
-    firmware: Any  # an AxisFirmware with more
-    control: Any  # an AxisControl with more
-    log: type[Log]  # what a run keeps of each tick
+    firmware: Any  # subclass of AxisFirmware
+    control: Any  # subclass of AxisControl
+    log: type[Log]  # of the ticks of a run
     reported: Mapping[str, tuple[str, str]]  # column of telemetry: field of `control`, unit
-    stops_when: str  # why the firmware stops by itself, in words
+    stops_when: str  # message of the firmware's own stop, with {time}
     _homing: Iterator[Floats] | None = None
 
     def __init__(self, base: MovingBase | None, substeps: int) -> None:
-        """Stand on a base, a level one at rest when None, with so many physics steps in a tick of 1 ms."""
+        """Set the base, level and fixed when None, and the physics steps per tick of 1 ms, at least 1."""
         if substeps < 1:
             raise InputError(f"substeps: expected at least 1, got {substeps}")
         super().__init__(BaseTimeline(FixedBase() if base is None else base, PERIOD), is_homed=False)
@@ -58,16 +58,16 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     @property
     def lower(self) -> Floats:
-        """Limits below of the setpoints, (n,) [rad|m]."""
+        """Lower limits of the setpoints, (n,) [rad|m]."""
         return np.array(self.firmware.lower)
 
     @property
     def upper(self) -> Floats:
-        """Limits above, (n,)."""
+        """Upper limits of the setpoints, (n,) [rad|m]."""
         return np.array(self.firmware.upper)
 
     def measured_js(self) -> JointState:
-        """Return the joint state that the firmware believes; gravity and base rates are an ideal sensor's."""
+        """Return the joint state that the firmware reports, with gravity and base rates of an ideal sensor."""
         own = self.control.copy()
         return self._joint_state(own.joint, own.joint_velocity, self._joint_torques(), own.motor)
 
@@ -79,7 +79,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
     def servo_jf(self, tau: Floats) -> None:
         """Command joint torques, (n,), or (3,) for the positioning joints with the tool held [Nm, Nm, N, Nm...].
 
-        They hold until the next command, and the setpoint follows the arm meanwhile.
+        They act until the next command; the setpoint follows the arm meanwhile.
         """
         self._require_ready()
         n = POSITIONING if np.shape(tau) == (POSITIONING,) else len(self.joint_names)
@@ -89,7 +89,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         self.control.mode[n:] = POSITION
 
     def servo_jf_of(self, tau: Floats, pushed: NDArray[np.bool_]) -> None:
-        """Command torques (n,) [Nm, Nm, N, Nm...] of joints that are pushed, (n,); others hold their setpoint."""
+        """Command torques (n,) [Nm, Nm, N, Nm...] of the joints in `pushed` (n,); the others hold their setpoint."""
         self._require_ready()
         n = len(self.joint_names)
         self.control.torque_command[:] = as_array("servo_jf_of", np.where(pushed, tau, 0.0), (n,))
@@ -98,15 +98,24 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
     def wait(self) -> None:
         """Advance by one tick of 1 ms."""
         row = self._wanted if self._homing is None else self._next_homing_row(self._homing)
-        rows = np.full((1, len(self.joint_names)), np.nan) if row is None else row[np.newaxis]  # NaN: stay
+        rows = np.full((1, len(self.joint_names)), np.nan) if row is None else row[np.newaxis]  # NaN: no motion
         self._advance(rows, self.log.rows(0))
         self._wanted = None
 
     def run(self, setpoints: ArrayLike) -> Log:
-        """Run a list of setpoints (T, n), one a tick, in one compiled call, with the firmware inside.
+        """Run T setpoints, one a tick, in one compiled call with the firmware inside.
 
-        Equal, sample for sample, to `servo_jp` and `wait` for every row. NaN leaves that axis alone. Hours are run in
-        pieces: a log takes some 500 B a tick.
+        The result equals that of `servo_jp` and `wait` for every row, sample for sample. Split hours into pieces: a log
+        takes some 500 B a tick.
+
+        Args:
+            setpoints: (T, n) [rad|m]; NaN leaves an axis where it is.
+
+        Returns:
+            Log of T ticks.
+
+        Raises:
+            NotReadyError: The robot is not ready, or its firmware stopped during the run.
         """
         self._require_ready()
         rows = as_array("run: setpoints", setpoints, (None, len(self.joint_names)), finite=False)
@@ -120,21 +129,21 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         return log
 
     def resume_at(self, tick: int, registered: Mapping[str, Floats], *, is_homed: bool) -> None:
-        """Go on from a saved tick, disabled, as `registered` was; `state` and `control` have been written already."""
+        """Resume from a saved tick, disabled; `state` and `control` must be restored before."""
         self._tick = tick
         self._is_homed = is_homed
         self._set_state("DISABLED")
 
-    # what a subclass does
+    # for subclasses
 
     @property
     @abstractmethod
     def identity(self) -> dict[str, object]:
-        """What makes this arm another one than others of its kind."""
+        """Parameters that distinguish this arm from others of its kind."""
 
     @property
     def registered(self) -> dict[str, Floats]:
-        """What homing wrote besides `control`."""
+        """Arrays that homing wrote besides `control`, by name."""
         return {}
 
     @abstractmethod
@@ -142,7 +151,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         """Return the latest sample of every column of `columns`."""
 
     def _sample(self, **further: Floats) -> dict[str, Floats]:
-        """Return the columns of `columns_of` at this instant, as copies; the base's sensor is at its origin."""
+        """Return copies of the present values of `columns_of`; the base's sensor is at its origin."""
         own = self.control.copy().view(np.ndarray)
         specific_force, rate = imu_reading(self._base_now())
         columns = {name: own[field] for name, (field, _) in self.reported.items()}
@@ -150,7 +159,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     @abstractmethod
     def external_encoders(self) -> Floats:
-        """Return where the joints that encoders or a tracker see are seen [rad|m]; NaN before they are registered."""
+        """Return joint positions by external encoders or a tracker [rad|m]; NaN before they are registered."""
 
     def _joint_torques(self) -> Floats:
         """Return the joint torques (n,) that the robot reports [Nm|N]."""
@@ -158,29 +167,29 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     @abstractmethod
     def _run_ticks(self, rows: Floats, base: BaseSamples, log: Log) -> int:
-        """Run a tick for each row (T, n) in compiled code; return how many were run before it stopped."""
+        """Run a tick for each row (T, n) in compiled code; return the number of ticks before a stop."""
 
     @abstractmethod
     def _homing_rows(self) -> Iterator[Floats]:
-        """Home, tick by tick: each item is the next row of setpoints (n,)."""
+        """Home tick by tick: yield the next setpoints (n,)."""
 
     def _state_or_homing_changed(self) -> None:
-        """Do what depends on both; called at the end of a homing, however it ended."""
+        """Update settings that depend on state and homing; also called when homing ends in any way."""
 
-    # what all of them do
+    # for all arms
 
     def _wake_encoders(self, rng: np.random.Generator, most: float, read: Callable[[], None]) -> None:
-        """Read the encoders, which count from wherever they woke up, and hold the setpoint there."""
+        """Power on the encoders with random offsets of at most `most` counts, and set the setpoint to their reading."""
         control = self.control
         control.offset = np.round(rng.uniform(-most, most, AXES))
         read()
         control.motor_velocity[:] = 0.0
         control.joint_velocity[:] = 0.0
         control.setpoint = control.joint
-        self.state.dice = np.floor(rng.uniform(1.0, SPREAD, len(self.state.q)))
+        self.state.dice = np.floor(rng.uniform(1.0, RANDOM_MODULUS, len(self.state.q)))
 
     def _advance(self, rows: Floats, log: Log) -> None:
-        """Run a tick for each row (T, n), until the firmware stops by itself."""
+        """Run a tick for each row (T, n), until the firmware stops itself."""
         done = 0
         while done < len(rows) and not (done and self.control.stopped):
             base, count = self._base.rows(self._tick, len(rows) - done)
@@ -217,7 +226,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         self.control.guarded = True
 
     def _unhomed(self) -> None:
-        """The firmware goes on; it is the servo verbs that are refused."""
+        """Keep the firmware running; only servo commands are refused."""
 
     def _control_position(self) -> None:
         self.control.mode[:] = POSITION
@@ -235,26 +244,31 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
 
 def columns_of(reported: Mapping[str, tuple[str, str]], *further: Column) -> tuple[Column, ...]:
-    """Return the columns of a telemetry: those of the axes, others, and what a sensor on the base reads."""
+    """Return the columns of a telemetry: those of the axes, further ones, and those of an IMU on the base."""
     axes = (Column(name, unit, AXES) for name, (_, unit) in reported.items())
     return (*axes, *further, Column("accelerometer", "m/s2", 3), Column("gyroscope", "rad/s", 3))
 
 
 def half_cosine(start: Floats, goal: Floats, seconds: float) -> Iterator[Floats]:
-    """Go from start to goal along half a cosine, tick by tick."""
+    """Yield setpoints from start to goal along half a cosine, one a tick."""
     ticks = round(seconds / PERIOD)
     for k in range(1, ticks + 1):
         yield start + (goal - start) * 0.5 * (1.0 - np.cos(np.pi * k / ticks))
 
 
 STATE_FORMAT = "catenary.cable_plant.1"
-_MAX_MAGNITUDE = 1e10  # of counts, random numbers, radians, metres, newtons and newton metres in an arm
+_MAX_MAGNITUDE = 1e10  # of all saved numbers: counts, random numbers, radians, metres, newtons, newton metres
 _UNSAVED_FIELD = "gravity_torque"  # of the firmware: zero while disabled
 AnyArm = FirmwarePlant[Any]
 
 
 def save_plant(plant: AnyArm, path: Path) -> None:
-    """Write where an arm stands and what its firmware knows; not its parameters, which follow from its seed."""
+    """Save the state of an arm and its firmware as a NumPy archive, without its parameters, which follow from its seed.
+
+    Args:
+        plant: Arm, in any state.
+        path: File to replace atomically.
+    """
     arrays = {key: record[name] for key, record, name in _saved(plant)} | plant.registered
     about = _robot(plant) | {"tick": plant.ticks, "is_homed": plant.operating_state().is_homed}
     with written_whole(path) as file:
@@ -262,18 +276,25 @@ def save_plant(plant: AnyArm, path: Path) -> None:
 
 
 def restore_plant(plant: AnyArm, path: Path) -> None:
-    """Put an arm back where `save_plant` left it, disabled."""
+    """Restore the state that `save_plant` wrote; the arm is disabled.
+
+    Args:
+        plant: Arm with the same parameters and base.
+
+    Raises:
+        FileFormatError: The file is missing, damaged, or of another robot.
+    """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file; no state of the robot was saved there")
     wanted = _robot(plant)
     try:
         arrays = read_arrays(path)
         about = json_table(str(arrays["about"]), f"{path}: about")
-        found = {key: about[key] for key in wanted}
+        saved = {key: about[key] for key in wanted}
     except (FileFormatError, KeyError) as error:
         raise _unreadable(path, error) from error
-    if found != wanted:
-        raise FileFormatError(f"{path}: is of another robot: {cut(str(found))}, expected {wanted}")
+    if saved != wanted:
+        raise FileFormatError(f"{path}: is of another robot: {cut(str(saved))}, expected {wanted}")
     try:
         values = [_like(arrays[key], record[name], name) for key, record, name in _saved(plant)]
         registered = {name: _like(arrays[name], now, name) for name, now in plant.registered.items()}
@@ -288,7 +309,7 @@ def restore_plant(plant: AnyArm, path: Path) -> None:
 
 
 def _saved(plant: AnyArm) -> list[tuple[str, Record, str]]:
-    """Return what is saved of an arm: its name in the file, its record and its field there."""
+    """Return the saved quantities of an arm: name in the file, record and field."""
     records = {"arm": plant.state, "control": plant.control}
     return [
         (f"{part}.{name}", record, name)
@@ -307,7 +328,7 @@ def _unreadable(path: Path, error: Exception) -> FileFormatError:
 
 
 def _like(values: NDArray[Any], now: Any, name: str) -> NDArray[Any]:
-    """Return values of the shape of those of now, NaN only where these are, no larger than anything in an arm."""
+    """Check that values have the shape of the present ones, NaN only where these have, and plausible magnitudes."""
     if values.dtype.kind not in "biuf" or values.shape != np.shape(now):
         raise ValueError(f"{name}: {values.dtype} of shape {values.shape}, expected numbers of {np.shape(now)}")
     is_right = np.abs(values) < _MAX_MAGNITUDE
@@ -319,5 +340,5 @@ def _like(values: NDArray[Any], now: Any, name: str) -> NDArray[Any]:
 
 
 def _robot(plant: AnyArm) -> dict[str, object]:
-    """Return everything that makes an arm another one, or makes it stand elsewhere."""
+    """Return the parameters that must be equal to restore a state."""
     return {"format": STATE_FORMAT, **plant.identity, "base": repr(plant.base)}

@@ -1,7 +1,7 @@
-"""What is built into an arm's joints besides rigid links, and one Runge-Kutta step of it; whether the step suits it.
+"""Joint drives of a simulated arm: friction, rotors, elastic joints, stops; their Runge-Kutta step and its stability.
 
-Motors and springs act within a step whose rigid-body terms are given; friction and joint limits are impulses at its
-end. The step is compiled.
+Motors and springs act within a step with given rigid-body terms; friction and joint limits are impulses at its end.
+The step is compiled.
 """
 
 import math
@@ -22,12 +22,12 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class JointHardware:
-    """The drives of an arm, each number for all joints alike or one a joint (n,); ideal drives when left alone.
+    """Drive parameters of an arm, a scalar for all joints or (n,); ideal drives by default.
 
-    A joint with a finite stiffness is elastic: a rotor, on which torque, friction and damping act, turns the joint
+    A joint with a finite stiffness is elastic: a rotor, on which torque, friction and damping act, moves the joint
     through a spring [Spong 1987, Modeling and control of elastic joint robots: rotors turn about their own axes
-    only]. The robot then reports the rotor's position, as one with encoders on its motors does. All of it is seen
-    at the joint, that is after the gearbox: a rotor of inertia J behind a ratio N counts N² J.
+    only]. The robot then reports the rotor's position, like one with encoders on its motors. All parameters are on the
+    joint's side of the gearbox: a rotor of inertia J behind a ratio N has N² J.
     """
 
     friction: ArrayLike = 0.0  # Coulomb friction [Nm|N]
@@ -38,17 +38,17 @@ class JointHardware:
 
 
 class DriveParameters(NamedTuple):
-    """An arm's drives for compiled code.
+    """Drives of an arm for compiled code.
 
-    Its nz moving parts are the robot's n coordinates, then the m rotors of those that are elastic: spring e is between
-    joint elastic[e] and moving part n + e.
+    The nz moving parts are the robot's n coordinates, then the m rotors of elastic joints: spring e connects joint
+    elastic[e] with moving part n + e.
     """
 
     coupling: Floats  # (n_tree, n)
-    dof: Integers  # (n_tree,) where MuJoCo keeps a tree coordinate's velocity
-    at: Integers  # (n_tree,) and its position
-    offset: Floats  # (n_tree,) of a tree coordinate at the robot's zero [rad|m]
-    drive: Integers  # (n,) the moving part on which a joint's motor acts: itself, or its rotor
+    dof: Integers  # (n_tree,) indices of the tree coordinates' velocities in MuJoCo
+    at: Integers  # (n_tree,) and of their positions
+    offset: Floats  # (n_tree,) tree coordinates at the robot's zero [rad|m]
+    drive: Integers  # (n,) moving part driven by a joint's motor: the joint, or its rotor
     lower: Floats  # (n,) [rad|m]
     upper: Floats
     elastic: Integers  # (m,)
@@ -60,7 +60,7 @@ class DriveParameters(NamedTuple):
 
 
 def drive_parameters(model: RobotModel, hardware: JointHardware, dof: Integers, at: Integers) -> DriveParameters:
-    """Check an arm's hardware."""
+    """Check an arm's drives and return them for compiled code; dof and at (n_tree,) as in `DriveParameters`."""
     n = model.n
     friction, damping, armature, stiffness, spring_damping = (
         as_not_negative(name, one_for_all(values, n), (n,), finite=name != "stiffness")
@@ -83,25 +83,22 @@ def drive_parameters(model: RobotModel, hardware: JointHardware, dof: Integers, 
     )  # fmt: skip
 
 
-_MAX_EIGENVALUE_STEP = (
-    2.0  # of |eigenvalue| times step; Runge-Kutta's fourth-order method is stable to 2.78, and accurate below 1
-)
-_MIN_INERTIA = 1e-10  # [kg m2|kg] of a joint; massless links are given 1e-12 kg
+# of |eigenvalue| times step; Runge-Kutta's fourth-order method is stable to 2.78, and accurate below 1
+_MAX_EIGENVALUE_STEP = 2.0
+_MIN_INERTIA = 1e-10  # [kg m2|kg] of a joint; massless links have 1e-12 kg
 
 
 def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Sequence[str]) -> None:
-    """Refuse joints that move no mass (nz, nz), where the arm stands, and a step [s] that is too long."""
+    """Refuse joints without inertia in the mass matrix (nz, nz), and a step [s] too long for springs and dampers."""
     n, nz = len(joints.drive), len(mass)
     bare = [name for name, m in zip(names, np.diag(mass), strict=False) if m < _MIN_INERTIA]
     if bare:
         raise InputError(
             f"joint(s) {', '.join(bare)} move no mass: their motion is not determined; "
-            "give them an armature (rotor inertia), or their links inertia"
+            "add rotor inertia (armature) or link inertia"
         )
     if np.linalg.eigvalsh(mass)[0] <= 0.0:
-        raise InputError(
-            "the mass matrix is singular: some joints together move no mass; give them an armature (rotor inertia)"
-        )
+        raise InputError("the mass matrix is singular: some joints together move no mass; add rotor inertia (armature)")
     stiffness, damping = np.zeros((nz, nz)), np.diag(joints.damping)
     for e, (j, k, d) in enumerate(zip(joints.elastic, joints.stiffness, joints.spring_damping, strict=True)):
         across = np.zeros(nz)
@@ -114,13 +111,14 @@ def require_stable(joints: DriveParameters, mass: Floats, step: float, names: Se
     fastest = float(np.abs(np.linalg.eigvals(motion)).max())
     if fastest * step > _MAX_EIGENVALUE_STEP:
         raise InputError(
-            f"springs or dampers act within {1e3 / fastest:.3g} ms, too stiff for steps of {1e3 * step:.3g} ms; "
-            f"take at least {math.ceil(fastest * step / _MAX_EIGENVALUE_STEP)} times as many substeps"
+            f"springs or dampers have a time constant of {1e3 / fastest:.3g} ms, too short for steps of "
+            f"{1e3 * step:.3g} ms; "
+            f"use at least {math.ceil(fastest * step / _MAX_EIGENVALUE_STEP)} times as many substeps"
         )
 
 
 class TreeTerms(NamedTuple):
-    """M xdd + h = torque of the tree in MuJoCo's coordinates, and where it is; its joints are at `dof` and `at`."""
+    """Terms of M xdd + h = torque of the tree in MuJoCo's coordinates, and its state; see `dof` and `at`."""
 
     q: Floats  # (nq,) positions [rad|m]
     qd: Floats  # (nv,) velocities
@@ -129,25 +127,25 @@ class TreeTerms(NamedTuple):
 
 
 class StepMotion(NamedTuple):
-    """A step of an arm's nz moving parts."""
+    """Integration step of an arm's nz moving parts."""
 
-    start: Floats  # (nz,) where the step began, and where the parts are between steps [rad|m]
+    start: Floats  # (nz,) at the start of the step, and between steps [rad|m]
     start_rate: Floats
-    position: Floats  # (nz,) where a stage looks; where the step ends, after the last one
+    position: Floats  # (nz,) of a stage; after the last one, at the end of the step
     rate: Floats
-    acceleration: Floats  # (4, nz) found by the stages
+    acceleration: Floats  # (4, nz) of the stages
     factor: Floats  # (4, n, n) Cholesky factors of the stages' mass matrices, in the lower triangles
 
 
 def new_motion(n: int, nz: int) -> StepMotion:
-    """Return an arm at zero, at rest."""
+    """Return n joints and nz moving parts at zero, at rest."""
     start, start_rate, position, rate = np.zeros((4, nz))
     return StepMotion(start, start_rate, position, rate, np.zeros((4, nz)), np.zeros((4, n, n)))
 
 
 @inlined
 def along_robot(joints: DriveParameters, tree: TreeTerms, mass: Floats, bias: Floats) -> None:
-    """Write the rigid-body terms along the robot's coordinates: M = A' M_tree A, h = A' h_tree; A the coupling."""
+    """Project the rigid-body terms on the robot's coordinates: M = A' M_tree A, h = A' h_tree; A is the coupling."""
     n_tree, n = joints.coupling.shape
     half = np.zeros((n_tree, n))
     for i in range(n_tree):
@@ -171,7 +169,7 @@ def along_robot(joints: DriveParameters, tree: TreeTerms, mass: Floats, bias: Fl
 
 @compiled
 def begin_step(joints: DriveParameters, motion: StepMotion, tree: TreeTerms) -> None:
-    """Begin a step where the arm is, and write the tree's positions and velocities there."""
+    """Start a step at the arm's state, and write the tree's positions and velocities."""
     motion.position[:], motion.rate[:] = motion.start, motion.start_rate
     _place_tree(joints, motion, tree)
 
@@ -192,10 +190,10 @@ def _place_tree(joints: DriveParameters, motion: StepMotion, tree: TreeTerms) ->
 def end_stage(
     joints: DriveParameters, motion: StepMotion, tree: TreeTerms, effort: Floats, stage: int, step: float
 ) -> bool:
-    """Find a stage's accelerations without friction and stops, and go to the next; to the step's end after stage 3.
+    """Compute a stage's accelerations without friction and stops, and advance to the next stage, or to the step's end.
 
-    Runge-Kutta's fourth-order method for position' = rate, rate' = acceleration. effort (n,) are motor torques [Nm|N],
-    stage is 0 to 3. Returns False where the mass matrix is singular.
+    Runge-Kutta's fourth-order method for position' = rate, rate' = acceleration; effort (n,) is that of the motors
+    [Nm|N], stage 0 to 3. Returns False if the mass matrix is singular.
     """
     if not _find_accelerations(joints, motion, tree, effort, stage):
         return False
@@ -240,12 +238,12 @@ def _find_accelerations(
     return True
 
 
-# symmetric positive definite systems in loops: bounded time, no library call, no exception
+# solvers of symmetric positive definite systems for loops: bounded time, no library call, no exception
 
 
 @inlined
 def factorise(A: Floats) -> bool:
-    """Overwrite the lower triangle of A (n, n), alone read, with L, A = L L^T; false if A is not positive definite."""
+    """Overwrite the lower triangle of A (n, n) with its Cholesky factor L; return false if A is indefinite."""
     for i in range(A.shape[0]):
         for j in range(i + 1):
             total = A[i, j]
@@ -262,7 +260,7 @@ def factorise(A: Floats) -> bool:
 
 @inlined
 def solve_factored(L: Floats, b: Floats) -> None:
-    """Overwrite b (n,) with the solution of L L^T x = b; of L (n, n) only the lower triangle is read."""
+    """Overwrite b (n,) with the solution of L L^T x = b, from the lower triangle of L (n, n)."""
     for i in range(L.shape[0]):
         total = b[i]
         for k in range(i):
@@ -275,18 +273,18 @@ def solve_factored(L: Floats, b: Floats) -> None:
         b[i] = total / L[i, i]
 
 
-_MAX_SWEEPS = 1000  # of projected Gauss-Seidel, at most
-_SETTLED_CHANGE = 1e-13  # [rad/s|m/s] change in a sweep below which impulses are found
+_MAX_SWEEPS = 1000  # of projected Gauss-Seidel
+_SETTLED_CHANGE = 1e-13  # [rad/s|m/s] change in a sweep at convergence
 
 
 @compiled
 def finish_step(joints: DriveParameters, motion: StepMotion, step: float) -> bool:
-    """Let friction and stops act on a step that was made without them, and take it.
+    """Apply friction and stops as impulses at the end of a step, and accept the step.
 
-    Impulses on velocities, found by projected Gauss-Seidel on the inverse mass matrix: friction brings a joint to rest
-    with at most its Coulomb torque times the step, a stop takes the velocity into it (no bounce). A joint that sticks
-    does not move at all, and none passes its limit. The motion's end becomes the next step's start; the mass matrix is
-    that of the first stage. Returns False, and nothing has moved, where the end is not finite.
+    The impulses solve a complementarity problem by projected Gauss-Seidel on the inverse mass matrix of the first
+    stage: friction brings a joint to rest with at most its Coulomb torque times the step, a stop absorbs the velocity
+    into it (no bounce). A joint that sticks does not move at all, and none passes its limit. Returns False, with the
+    state unchanged, if the end is not finite.
     """
     n, nz = len(joints.drive), len(motion.start)
     stop = np.zeros(nz)  # 1 at a lower stop, -1 at an upper one
@@ -327,7 +325,7 @@ def _apply_impulses(joints: DriveParameters, motion: StepMotion, stop: Floats, s
                 wanted = min(max(friction_impulse[k] - rate[k] / response[k, k], -most), most)
                 change = max(change, _apply(response, k, wanted - friction_impulse[k], rate))
                 friction_impulse[k] = wanted
-            if stop[k] == 0.0 and k < n:  # other joints may push it into its stop
+            if stop[k] == 0.0 and k < n:  # impulses of other joints may push it into its stop
                 stop[k] = _stop_at(joints, k, motion.position[k] + 0.5 * step * (rate[k] - free[k]))
             if stop[k] != 0.0:
                 wanted = stop[k] * max(stop[k] * (stop_impulse[k] - rate[k] / response[k, k]), 0.0)
@@ -341,16 +339,16 @@ def _apply_impulses(joints: DriveParameters, motion: StepMotion, stop: Floats, s
             rate[k] = 0.0
             if motion.start_rate[k] == 0.0:
                 motion.position[k] = motion.start[k]
-        if stop_impulse[k] != 0.0:  # it ran into its stop within the step, and lies there
+        if stop_impulse[k] != 0.0:  # it hit its stop within the step, and rests there
             motion.position[k] = joints.lower[k] if stop[k] > 0.0 else joints.upper[k]
             rate[k] = 0.0
-    for k in range(n):  # those that others pushed beyond theirs; their speed is taken in the next step
+    for k in range(n):  # joints pushed beyond their stop by others; their speed is absorbed in the next step
         motion.position[k] = min(max(motion.position[k], joints.lower[k]), joints.upper[k])
 
 
 @inlined
 def _apply(response: Floats, k: int, impulse: float, rate: Floats) -> float:
-    """Apply an impulse at k; returns by how much that changed its velocity."""
+    """Apply an impulse at k, and return the change of its velocity."""
     for i in range(len(rate)):
         rate[i] += response[k, i] * impulse
     return abs(float(response[k, k]) * impulse)

@@ -1,4 +1,4 @@
-"""Any robot on any base, simulated: MuJoCo's rigid bodies, catenary's couplings, friction, springs and stops."""
+"""Simulation of any robot on a moving base: MuJoCo rigid-body dynamics, couplings, friction, springs and stops."""
 
 from collections.abc import Mapping
 from copy import deepcopy
@@ -31,14 +31,17 @@ from catenary.simulation.joint_hardware import (
 from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
 from catenary.spatial import quaternion_from_rotation
 
-_ROUNDING = 1e-9  # of the largest moment, by which the triangle inequality may be missed
+_ROUNDING = 1e-9  # tolerance of the triangle inequality, relative to the largest moment
 
 
 def tree_mjcf(model: RobotModel) -> str:
-    """Write the tree as MJCF, on a body, the base, with a free joint, in weightlessness.
+    """Return the tree as MJCF, on a base body with a free joint, without gravity.
 
-    Body and joint i have the name of link i, the body's frame is frame i of the tree. Joints are the tree's own: none
-    of MJCF's moves by a linear combination of others. Who simulates this sets tree coordinate = coupling q + offset.
+    Body and joint i have the name of link i; the body's frame is frame i of the tree. The joints are the tree's,
+    uncoupled: the simulation sets tree coordinates = coupling q + offset.
+
+    Raises:
+        MissingInertiaError: A link without inertia.
     """
     model.require_inertia()
     children: list[list[int]] = [[] for _ in range(len(model.link_names) + 1)]
@@ -71,7 +74,7 @@ def _body(model: RobotModel, i: int, inside: str) -> str:
 
 
 def _principal(model: RobotModel, i: int) -> tuple[Floats, Floats]:
-    """Return the principal moments (3,), rising, and their axes as columns, right-handed."""
+    """Return the principal moments (3,) in ascending order, and their axes as columns, right-handed."""
     moments, axes = np.linalg.eigh(model.tree.inertia[i])
     axes = axes * np.linalg.det(axes)
     tolerance = _ROUNDING * moments[2]
@@ -82,7 +85,7 @@ def _principal(model: RobotModel, i: int) -> tuple[Floats, Floats]:
             "the sum of the other two"
         )
     moments = np.maximum(moments, LEAST_INERTIA)
-    # a rod's moments (0, I, I) may miss the inequality by rounding, and MuJoCo takes it exactly
+    # a rod's moments (0, I, I) may violate the inequality by rounding, and MuJoCo has no tolerance
     moments[0] += max(0.0, moments[2] - moments[1] - moments[0])
     return moments, axes
 
@@ -92,10 +95,10 @@ def _text(values: Floats) -> str:
 
 
 class MujocoDynamics:
-    """M and h of M xdd + h = tree torque, for the tree's joints; a second opinion on catenary's own recursions.
+    """MuJoCo's M and h of M xdd + h = tree torque, for the tree's joints; independent of catenary's recursions.
 
-    The base is MuJoCo's free body: it stands at the origin, turns and accelerates as it is told. Base axes are MuJoCo's
-    world axes at that instant; h comes from one inverse dynamics with the base's true acceleration in it.
+    The base is MuJoCo's free body at the origin, with given rotation and acceleration. Base axes are MuJoCo's world
+    axes at that instant; h comes from one inverse dynamics with the base's true acceleration.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -111,15 +114,15 @@ class MujocoDynamics:
         joints = [m.joint(name) for name in model.link_names]
         self.dof: NDArray[np.int64] = np.array([joint.dofadr[0] for joint in joints], dtype=np.int64)
         self.at: NDArray[np.int64] = np.array([joint.qposadr[0] for joint in joints], dtype=np.int64)
-        # positions to be written at `at`, velocities at `dof`; the terms there after `update`
+        # write positions at `at`, velocities at `dof`; `update` computes the terms
         self.tree = TreeTerms(d.qpos, d.qvel, np.zeros((m.nv, m.nv)), np.zeros(m.nv))
-        self._gravity, self._qdd = m.opt.gravity, d.qacc  # views: every access to MuJoCo's makes a new one
+        self._gravity, self._qdd = m.opt.gravity, d.qacc  # views: MuJoCo creates a new one at every access
         self.tree.q[:] = 0.0
         self.tree.q[3] = 1.0  # the base's quaternion
         self._write_mass = _mass_writer(mujoco, m, d, self.tree.mass)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "MujocoDynamics":
-        """Return another one in the same state; its arrays are views into its own MuJoCo."""
+        """Return a copy in the same state, whose arrays are views into its own MuJoCo data."""
         twin = MujocoDynamics(self._robot)
         memo[id(self)] = twin
         twin.tree.q[:], twin.tree.qd[:], twin._qdd[:] = self.tree.q, self.tree.qd, self._qdd
@@ -145,7 +148,7 @@ class MujocoDynamics:
 
 
 def _mass_writer(mujoco: Any, model: Any, data: Any, mass: Floats) -> Any:
-    """Return the call that writes the mass matrix; MuJoCo 4 changed it."""
+    """Return the function that writes the mass matrix; its signature changed in MuJoCo 4."""
     try:
         mujoco.mj_fullM(model, data, mass)
     except TypeError:
@@ -158,11 +161,11 @@ _STICTION_BAND = 1e-4  # [rad|m] from its setpoint within which the servo lets a
 
 
 def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, wanted: Floats) -> Floats:
-    """Return the torques (n,) [Nm|N] of an ideal position servo: computed torque on what the motors move.
+    """Return the torques of an ideal position servo: computed torque on the driven parts.
 
     a = w² (wanted - theta) - 2 w theta', tau = M a + h + damping + friction, with w the _BANDWIDTH and friction fed
-    forward as F clip(error / _STICTION_BAND, -1, 1): within it of where it should be, a joint may stick. The motion is
-    as a step begins, tree its terms there, wanted (n,) positions of the motors [rad|m].
+    forward as F clip(error / _STICTION_BAND, -1, 1): within that band a joint may stick. `motion` and `tree` are at
+    the start of a step, wanted (n,) are motor positions [rad|m]; returns (n,) [Nm|N].
     """
     n, dof, drive, elastic = len(joints.drive), joints.dof, joints.drive, joints.elastic
     position, rate = motion.start, motion.start_rate
@@ -173,7 +176,7 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
     error = wanted - position[drive]
     a = np.zeros(len(position))
     a[drive] = _BANDWIDTH * (_BANDWIDTH * error - 2.0 * rate[drive])
-    # what hangs on springs accelerates as it must, and loads the rigid joints: M_ee a_e = pull - h_e - M_er a_r
+    # elastic joints accelerate under their springs and load the rigid ones: M_ee a_e = pull - h_e - M_er a_r
     load = pull - bias[elastic] - mass[elastic] @ a[:n]
     a[elastic] = np.linalg.solve(mass[np.ix_(elastic, elastic)], load)
     torque: Floats = bias + mass @ a[:n]
@@ -184,16 +187,25 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
 
 
 class MujocoPlant(SimulatedPlant):
-    """One robot, given by its model. Brakes hold it while it is not enabled; its encoders are absolute, so it is homed.
+    """Simulated robot, given by its model. Brakes hold it while it is not enabled; absolute encoders: always homed.
 
     M(q) qdd + h(q, qd, gravity, base motion) = tau - damping qd - friction, by Runge-Kutta's fourth-order method:
-    MuJoCo gives M and h of the tree's joints, and the model's coupling takes them to q exactly. Friction and joint
-    limits act as impulses at the end of each step: a joint sticks without any creep, which MuJoCo's own friction does
-    not, and stops at its limits without bouncing. Equal commands give equal motions, bit for bit.
+    MuJoCo computes M and h of the tree's joints, and the model's coupling projects them on q exactly. Friction and
+    joint limits act as impulses at the end of each step: a joint sticks without creep, unlike with MuJoCo's own
+    friction, and stops at its limits without bouncing. The simulation is deterministic, bit for bit.
 
-    Torques of `servo_jf` act up to the model's effort limits. `servo_jp` is obeyed by an ideal servo (`servo_torques`).
-    The setpoint moves at most at the model's velocity limits, and stays within its joint limits; where a leap asks for
-    more than the effort limits, the arm follows late and overshoots, as a real one does.
+    Torques of `servo_jf` are limited to the model's effort limits. An ideal servo (`servo_torques`) follows `servo_jp`:
+    the setpoint moves within the model's velocity and joint limits; after a jump that needs more than the effort
+    limits, the arm lags and overshoots, as a real one does.
+
+    Example:
+        >>> plant = catenary.MujocoPlant(catenary.load_robot("two_link"))
+        >>> plant.home()
+        >>> for _ in range(500):
+        ...     plant.servo_jp(np.array([0.3, 0.2]))
+        ...     plant.wait()
+        >>> plant.measured_js().q.round(2)
+        array([0.3, 0.2])
     """
 
     def __init__(
@@ -206,19 +218,21 @@ class MujocoPlant(SimulatedPlant):
         payload: Payload | None = None,
         substeps: int = 1,
     ) -> None:
-        """Put a robot, any with inertia, on a base.
+        """Create a robot, powered on and disabled.
 
         Args:
-            base: A level base at rest when None.
-            start: (n,) where it stands at power-on [rad|m]; zero when None, the middle of its limits for joints
-                whose limits do not hold zero.
+            model: Robot whose links all have inertia.
+            base: Motion of the base; level and fixed when None.
+            start: (n,) positions at power-on [rad|m]; zero when None, the middle of the range for joints whose limits
+                exclude zero.
             hardware: Friction, rotors, springs; ideal drives when None.
-            substeps: Physics steps in a tick of 1 ms; the refusal of springs or dampers that are too stiff says how
-                many they need.
+            payload: Body carried by the robot; none when None.
+            substeps: Physics steps per tick of 1 ms; the error for stiff springs or dampers states the number needed.
 
         Raises:
             MissingPackageError: MuJoCo is not installed.
             LimitError: `start` is outside the joint limits.
+            InputError: A joint moves no mass, or springs or dampers are too stiff for the step.
         """
         if substeps < 1:
             raise InputError(f"substeps: expected at least 1, got {substeps}")
@@ -233,8 +247,8 @@ class MujocoPlant(SimulatedPlant):
             Column("jpos", "rad|m", n),
             Column("jvel", "rad/s|m/s", n),
             Column("jpos_d", "rad|m", n),
-            Column("tau", "Nm|N", n),  # as commanded
-            Column("effort", "Nm|N", n),  # as it acts, within the effort limits
+            Column("tau", "Nm|N", n),  # commanded
+            Column("effort", "Nm|N", n),  # applied, within the effort limits
             Column("q_true", "rad|m", n),  # of the links, behind their springs
             Column("accelerometer", "m/s2", 3),
             Column("gyroscope", "rad/s", 3),
@@ -244,35 +258,35 @@ class MujocoPlant(SimulatedPlant):
         self._motion = new_motion(n, len(self._joints.inertia))
         self._motion.start[:] = np.append(q, q[self._joints.elastic])  # springs relaxed
         self._mode: Literal["brakes", "position", "torque"] = "brakes"
-        self._command = np.zeros(n)  # torques that were asked for
-        self._effort = np.zeros(n)  # torques that act
+        self._command = np.zeros(n)  # commanded torques
+        self._effort = np.zeros(n)  # applied torques
         self._setpoint = self._motion.start[self._joints.drive]
         self._effort_limit = np.array(model.effort_limit)
         self._setpoint_step = model.velocity_limit * PERIOD
         require_stable(self._joints, self._mass_matrix(), self._step, model.joint_names)
-        begun = deepcopy(self._motion)  # compiles what a tick runs
+        begun = deepcopy(self._motion)  # compile the functions of a tick
         end_stage(self._joints, begun, self._dynamics.tree, self._effort, 0, self._step)
         finish_step(self._joints, begun, self._step)
 
-    # what a Plant says about itself
+    # properties of a Plant
 
     @property
     def lower(self) -> Floats:
-        """Joint limits below, (n,)."""
+        """Lower joint limits (n,) [rad|m]."""
         return np.array(self.model.lower)
 
     @property
     def upper(self) -> Floats:
-        """Joint limits above, (n,)."""
+        """Upper joint limits (n,) [rad|m]."""
         return np.array(self.model.upper)
 
     @property
     def velocity_limit(self) -> Floats:
-        """Largest speeds (n,) [rad/s|m/s], infinity where the model states none."""
+        """Velocity limits (n,) [rad/s|m/s], infinity where the model has none."""
         return np.array(self.model.velocity_limit)
 
     def measured_js(self) -> JointState:
-        """Return the joint state: of the rotors where joints are elastic, of the joints elsewhere."""
+        """Return the joint state: of the rotors of elastic joints, of the others themselves."""
         motion, drive = self._motion, self._joints.drive
         rotors = motion.start[self.model.n :].copy()
         return self._joint_state(motion.start[drive], motion.start_rate[drive], self._command.copy(), rotors)
@@ -286,21 +300,21 @@ class MujocoPlant(SimulatedPlant):
         motion, drive = self._motion, self._joints.drive
         specific_force, rate = imu_reading(self._base_now())  # of an ideal sensor at the base's origin, in base axes
         link = motion.start[: self.model.n]
-        told = motion.start[drive], motion.start_rate[drive], self._setpoint, self._command, self._effort, link
-        sampled = (*told, specific_force[0], rate[0])
+        joints = motion.start[drive], motion.start_rate[drive], self._setpoint, self._command, self._effort, link
+        sampled = (*joints, specific_force[0], rate[0])
         return {column.name: values.copy() for column, values in zip(self.columns, sampled, strict=True)}
 
-    # what a Plant obeys
+    # commands of a Plant
 
     def servo_jf(self, tau: Floats) -> None:
-        """Command joint torques (n,) [Nm|N]; they hold until the next command, and the setpoint follows the robot."""
+        """Command joint torques (n,) [Nm|N]; they act until the next command, and the setpoint follows the robot."""
         self._require_ready()
         self._command[:] = as_array("servo_jf", tau, (self.model.n,))
         self._wanted = None
         self._mode = "torque"
 
     def wait(self) -> None:
-        """Advance by one tick of 1 ms; a motion that diverges stops the robot in FAULT."""
+        """Advance by one tick of 1 ms; a diverging motion puts the robot in FAULT."""
         if self._mode == "position" and self._wanted is not None:
             step = np.clip(self._wanted - self._setpoint, -self._setpoint_step, self._setpoint_step)
             self._setpoint = np.clip(self._setpoint + step, self.model.lower, self.model.upper)
@@ -314,21 +328,21 @@ class MujocoPlant(SimulatedPlant):
         if self._mode == "torque":  # no jump when the servo takes over
             self._setpoint = self._motion.start[self._joints.drive]
 
-    # what only a simulator can do
+    # simulator only
 
     def attach(self, payload: Payload | None) -> None:
-        """Carry a payload from now on, in place of the last one, or nothing; it moves with the arm at once."""
-        # masses are constants to MuJoCo: the robot is compiled with what it carries
+        """Replace the payload, at the arm's present velocity; None removes it."""
+        # masses are constants in MuJoCo: the robot is compiled with its payload
         dynamics = MujocoDynamics(self.model if payload is None else payload.on(self.model))
         self._dynamics, self.payload = dynamics, payload
         self._joints = drive_parameters(self.model, self._hardware, dynamics.dof, dynamics.at)
 
     def detach(self) -> None:
-        """Carry nothing from now on."""
+        """Remove the payload."""
         self.attach(None)
 
-    def rub(self, friction: ArrayLike) -> None:
-        """Rub with other Coulomb friction from now on, one number for all joints or (n,) [Nm|N]."""
+    def set_coulomb_friction(self, friction: ArrayLike) -> None:
+        """Replace Coulomb friction, a scalar for all joints or (n,) [Nm|N]."""
         self._hardware = replace(self._hardware, friction=friction)
         self._joints = drive_parameters(self.model, self._hardware, self._dynamics.dof, self._dynamics.at)
 
@@ -336,11 +350,11 @@ class MujocoPlant(SimulatedPlant):
         return self._base_at(0)
 
     def _base_at(self, half_steps: int) -> BaseSamples:
-        """Return gravity (1, 3) and motion (1, 3, 3) of the base, some half steps after the last tick."""
+        """Return gravity (1, 3) and motion (1, 3, 3) of the base, a number of half steps after the last tick."""
         return self._base.rows(2 * self._substeps * self._tick + half_steps, 1)[0]
 
     def _update(self, half_steps: int) -> None:
-        """Compute the rigid-body terms where `begin_step` and `end_stage` look."""
+        """Compute the rigid-body terms at the state set by `begin_step` or `end_stage`."""
         gravity, motion = self._base_at(half_steps)
         self._dynamics.move_base(gravity[0], motion[0])
         self._dynamics.update()
@@ -355,12 +369,12 @@ class MujocoPlant(SimulatedPlant):
         return mass
 
     def _advance(self, part: int) -> bool:
-        """Make one step; false, and nothing has moved, where it cannot be made."""
+        """Integrate one step; return false, with the state unchanged, if it fails."""
         joints, motion, tree, step = self._joints, self._motion, self._dynamics.tree, self._step
         begin_step(joints, motion, tree)
         for stage, half_steps in enumerate((0, 1, 1, 2)):
             self._update(2 * part + half_steps)
-            if stage == 0 and part == 0:  # the servo asks for torques, and the drives give what they can
+            if stage == 0 and part == 0:  # the servo's torques, limited by the drives
                 if self._mode == "position":
                     self._command[:] = servo_torques(joints, motion, tree, self._setpoint)
                 np.clip(self._command, -self._effort_limit, self._effort_limit, out=self._effort)

@@ -1,8 +1,8 @@
-"""A PSM's numbers, its physics, and the dVRK's control of it at 1 kHz: encoders, coupling, PID, currents; its ticks.
+"""Parameters, physics and dVRK control (1 kHz) of a simulated PSM: encoders, coupling, PID, motor currents.
 
 Seven rotors, cables and joints; the links' dynamics are those of the arm's parallelogram. The dVRK controls joints:
-encoders give the actuators' positions, the instrument's coupling gives the joints'; a PID on each joint asks for its
-torque, the transpose of the coupling divides that among the actuators, and each motor gets a current within its limit.
+encoders give actuator positions, the instrument's coupling gives joint positions; a PID on each joint computes its
+torque, the transpose of the coupling distributes it to the actuators, and each motor's current is limited.
 [jhu-dvrk/sawIntuitiveResearchKit; its PSM's gains have no integral part] Compiled.
 """
 
@@ -19,7 +19,7 @@ from catenary.kernels.compiled import compiled, inlined
 from catenary.robots.catalog import load_robot
 from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import RobotModel, Tree
-from catenary.simulation.cable_parameters import AxisFirmware, CableDrive, Entry, Origin, drawn, parameters_of
+from catenary.simulation.cable_parameters import AxisFirmware, CableDrive, Entry, Origin, parameters_of, varied
 from catenary.simulation.cable_physics import (
     ArmState,
     Work,
@@ -35,60 +35,59 @@ from catenary.simulation.firmware import AxisControl, AxisLog, bounded_torque, w
 from catenary.simulation.records import AXES, OFF, POSITIONING, SIZES, TORQUE, PerAxis, PerTool, Record
 from catenary.simulation.simulated_plant import PERIOD
 
-ARM_JOINTS = AXES - 1  # all but the jaw
-_LINKS = 8  # that turn or slide, of the parallelogram and the insertion
-# seven joints behind cables, in place of a RAVEN-II's three
-PSM_SIZES = {**SIZES, "joint": AXES, "link": _LINKS, "node": _LINKS + 1}
+ARM_JOINTS = AXES - 1  # number of joints without the jaw
+_LINKS = 8  # moving links of the parallelogram and the insertion
+# seven joints behind cables, a RAVEN-II has three
+_PSM_SIZES = {**SIZES, "joint": AXES, "link": _LINKS, "node": _LINKS + 1}
 
 _PerArmJoint = Annotated[Floats, "f8", (ARM_JOINTS,)]
 _ToolMatrix = Annotated[Floats, "f8", ("tool", "tool")]
 
 
 class PsmDrive(CableDrive):
-    """Motors, gears, cables and joints of a PSM as they really are.
+    """True parameters of motors, gears, cables and joints of a PSM.
 
-    Cables are in the dVRK's actuator coordinates: the joints' own for the first three, the instrument's discs for the
-    other four.
+    Cables are in the dVRK's actuator coordinates: those of the first three joints, then the instrument's four discs.
     """
 
-    sizes = PSM_SIZES
+    sizes = _PSM_SIZES
 
     coupling: _ToolMatrix  # true: turns of the discs per turn of the tool's joints
     stop_lower: PerAxis  # joint positions of the stops [rad, rad, m, rad...]
     stop_upper: PerAxis
     stop_stiffness: PerAxis  # [Nm/rad, Nm/rad, N/m, Nm/rad...]
     stop_damping: PerAxis
-    tool_inertia: PerTool  # of what the tool's joints move [kg m2]
+    tool_inertia: PerTool  # at the tool's joints [kg m2]
     joint_damping: PerAxis  # [Nm s/rad, Nm s/rad, N s/m, Nm s/rad...]
 
 
 class PsmController(AxisFirmware):
-    """The dVRK's control of a PSM."""
+    """Control parameters of a PSM under the dVRK."""
 
-    counts: PerAxis  # of an encoder per turn of its motor
-    joints: _ToolMatrix  # tool's joints at its discs' positions; the inverse is the discs' at the joints'
-    discs: _ToolMatrix
+    counts: PerAxis  # of an encoder per motor turn
+    joints: _ToolMatrix  # from disc to tool joint positions
+    discs: _ToolMatrix  # its inverse
     tolerance: PerAxis  # error of a joint beyond which the controller stops [rad, rad, m, rad...]
     current_limit: PerAxis  # [A]
-    registration: PerAxis  # reported less true actuator positions after homing [rad, rad, m, rad...]
+    registration: PerAxis  # reported minus true actuator positions after homing [rad, rad, m, rad...]
 
 
 def joints_per_actuator(controller: PsmController) -> Floats:
-    """Return the joints' positions per those of the actuators, (7, 7), as the controller has them."""
+    """Return the controller's coupling matrix (7, 7) from actuator to joint positions."""
     coupling = np.eye(AXES)
     coupling[POSITIONING:, POSITIONING:] = np.reshape(controller.joints, (AXES - POSITIONING, -1))
     return coupling
 
 
 class Tracker(Record):
-    """What sees the arm's joints from outside, by a camera or encoders."""
+    """Parameters of an external measurement of the joints, by a camera or encoders."""
 
     resolution: _PerArmJoint  # [rad, rad, m, rad, rad, rad]
     noise: _PerArmJoint  # standard deviation of a reading
 
 
 class LinkEntry(Settings):
-    """Mass of one link of the data file."""
+    """Inertial parameters of one link of the data file."""
 
     mass_kg: float
     com_m: tuple[float, float, float]
@@ -109,14 +108,14 @@ class PsmFile(Settings):
 
 
 class PsmArm(NamedTuple):
-    """A PSM as its data file has it."""
+    """A PSM as defined by its data file."""
 
     name: str
     drive: PsmDrive
     controller: PsmController
     tracker: Tracker
     links: Tree  # of robot dvrk_psm_motors, in its own coordinates, with masses
-    coupling: Floats  # (_LINKS, 3) the links' coordinates per yaw, pitch, insertion
+    coupling: Floats  # (_LINKS, 3) from yaw, pitch, insertion to the links' coordinates
     file: PsmFile
 
     def loaded_model(self) -> RobotModel:
@@ -140,7 +139,7 @@ def load_psm() -> PsmArm:
         parameters_of(path, "drive", content.drive, PsmDrive),
         parameters_of(path, "controller", content.controller, PsmController),
         parameters_of(path, "tracker", content.tracker, Tracker),
-        # writable ones: compiled code is compiled once more for another kind of array
+        # writable, as all others: another kind would compile the code once more
         Tree._make(np.array(part) for part in tree),
         np.array(model.coupling[:, :POSITIONING]),
         content,
@@ -154,8 +153,8 @@ _SHARES = {
 
 
 def varied_psm(arm: PsmArm, rng: np.random.Generator) -> PsmArm:
-    """Draw another arm of the kind: gears by 0.5 %, stiffness, backlash and friction by 15 %, registration by 30 %."""
-    drive = drawn(arm.drive, rng, 0.005, _SHARES)
+    """Draw a random arm of the kind: gears by 0.5 %, stiffness, backlash and friction by 15 %, registration by 30 %."""
+    drive = varied(arm.drive, rng, 0.005, _SHARES)
     registration = arm.controller.registration * np.exp(0.3 * rng.standard_normal(AXES))
     return arm._replace(drive=drive, controller=arm.controller.replace(registration=registration))
 
@@ -164,15 +163,15 @@ _PerLink = Annotated[Floats, "f8", ("link",)]
 
 
 class PsmState(ArmState):
-    """What changes while a PSM moves: all seven joints are behind cables."""
+    """State of a PSM, whose seven joints are all behind cables."""
 
-    sizes = PSM_SIZES
+    sizes = _PSM_SIZES
 
 
 class PsmWork(Work):
-    """Scratch for `psm_dynamics`, which leaves `load` and `inverse`, and for `psm_step`."""
+    """Work arrays of `psm_dynamics`, whose results are `load` and `inverse`, and of `psm_step`."""
 
-    sizes = PSM_SIZES
+    sizes = _PSM_SIZES
 
     coordinate: _PerLink  # of the tree [rad|m]
     rate: _PerLink
@@ -183,11 +182,8 @@ class PsmWork(Work):
 
 
 @inlined
-def through(main: Floats, matrix: Floats, out: Floats, transposed: bool) -> None:
-    """Write the first three of main (7,) as they are, and a matrix (4, 4) or its transpose times the other four.
-
-    So joints wind up cables, and actuators move joints: the tool's are coupled, the others not.
-    """
+def apply_coupling(main: Floats, matrix: Floats, out: Floats, transposed: bool) -> None:
+    """Write the product of the coupling and main (7,): identity for three joints, matrix (4, 4) for the tool's four."""
     for j in range(3):
         out[j] = main[j]
     for t in range(4):
@@ -199,20 +195,17 @@ def through(main: Floats, matrix: Floats, out: Floats, transposed: bool) -> None
 
 @inlined
 def psm_step(drive: PsmDrive, state: PsmState, shaft_torque: Floats, braked: bool, step: float, work: PsmWork) -> None:
-    """Advance a PSM by one semi-implicit Euler step: forces, then velocities, then positions.
-
-    shaft_torque (7,) is of the motors [Nm]; in work `psm_dynamics` has left the dynamics of the links.
-    """
+    """Advance a PSM by one semi-implicit Euler step; `physics_step` for a PSM, after `psm_dynamics`."""
     q, qd = state.q, state.qd
-    through(q, drive.coupling, work.winding, False)
-    through(qd, drive.coupling, work.winding_rate, False)
+    apply_coupling(q, drive.coupling, work.winding, False)
+    apply_coupling(qd, drive.coupling, work.winding_rate, False)
     for j in range(7):
         pull_cable(drive, state, j, work.winding[j], work.winding_rate[j], step)
         turn_rotor(drive, state, j, shaft_torque[j], braked, step)
     for j in range(7):
         if j < 3:
             force = pull_at_joint(drive, state, j)
-        else:  # the transpose of the winding, so that power is kept
+        else:  # transpose of the winding: conserves power
             force = 0.0
             for t in range(4):
                 force += drive.coupling[t, j - 3] * pull_at_joint(drive, state, 3 + t)
@@ -231,12 +224,11 @@ def psm_step(drive: PsmDrive, state: PsmState, shaft_torque: Floats, braked: boo
 def psm_dynamics(
     tree: Tree, coupling: Floats, drive: PsmDrive, state: PsmState, gravity: Floats, base_motion: Floats, work: PsmWork
 ) -> None:
-    """Write the joints' bias torques (velocity, gravity, moving base) and the inverse of their mass matrix.
+    """Write the joints' bias torques (velocity, gravity, moving base) to `load` and the inverse mass matrix.
 
-    The links' coordinates are x = A q, a parallelogram's: M = A^T M_x A and h = A^T h_x. What was identified of the
-    real arm's first three joints has their rotors in it; those turn by themselves here, and are taken out. The tool's
-    joints move what they move alone, without weight. gravity (3,) [m/s2] and the motion (3, 3) of the base are in base
-    axes; `load` and `inverse` of work are the result.
+    The links' coordinates are x = A q, those of a parallelogram: M = A^T M_x A and h = A^T h_x. The identified inertia
+    of the real arm's first three joints includes their rotors, which are separate here and are subtracted. The tool's
+    joints are uncoupled and weightless. Gravity (3,) [m/s2] and base_motion (3, 3) are in base axes.
     """
     links = len(tree.parent)
     for k in range(links):
@@ -264,9 +256,9 @@ def psm_dynamics(
 
 
 def unstretched_motors(drive: PsmDrive, q: Floats) -> Floats:
-    """Return the motors' positions (7,) [rad] at which no cable is stretched at joint positions q (7,)."""
+    """Return the motor positions (7,) [rad] with unstretched cables at joint positions q (7,)."""
     winding = np.empty(AXES)
-    through(q, drive.coupling, winding, False)
+    apply_coupling(q, drive.coupling, winding, False)
     return unstretched_rotors(drive, q, winding)
 
 
@@ -274,24 +266,24 @@ _FULL_TURN = 2.0 * math.pi
 
 
 class PsmControlState(AxisControl):
-    """What the dVRK's controller keeps."""
+    """State of the dVRK's controller."""
 
     setpoint_velocity: PerAxis
-    wanted: PerAxis  # joint torques that are asked for
+    wanted: PerAxis  # joint torques of the PID or commanded
     current: PerAxis  # [A] sent
 
 
 class PsmLog(AxisLog):
-    """Ticks of a PSM."""
+    """Log of a PSM."""
 
-    sizes = PSM_SIZES
+    sizes = _PSM_SIZES
 
     current: PerAxis
 
 
 @inlined
 def read_psm_encoders(controller: PsmController, arm: PsmState, control: PsmControlState) -> None:
-    """Read the encoders and derive motor and joint positions and velocities."""
+    """Read the encoders and compute motor and joint positions and velocities."""
     actuator, velocity = np.empty(AXES), np.empty(AXES)
     for j in range(7):
         control.counts[j] = math.floor(arm.rotor[j] / _FULL_TURN * controller.counts[j])
@@ -300,15 +292,15 @@ def read_psm_encoders(controller: PsmController, arm: PsmState, control: PsmCont
         control.motor[j] = motor
         actuator[j] = motor / controller.ratio[j]
         velocity[j] = control.motor_velocity[j] / controller.ratio[j]
-    through(actuator, controller.joints, control.joint, False)
-    through(velocity, controller.joints, control.joint_velocity, False)
+    apply_coupling(actuator, controller.joints, control.joint, False)
+    apply_coupling(velocity, controller.joints, control.joint_velocity, False)
 
 
 @inlined
 def control_joints(controller: PsmController, control: PsmControlState, shaft_torque: Floats) -> None:
-    """Write the motors' shaft torques [Nm]: a PID on joints, through the coupling, the currents' steps and limits.
+    """Write the motors' shaft torques [Nm]: PID on joints, coupling, then quantised and limited currents.
 
-    tau = Kp (q_d - q) + Kd (qd_d - qd); actuators get joints^T tau; I = tau_a / (Kt ratio), within its limit.
+    tau = Kp (q_d - q) + Kd (qd_d - qd); tau_a = joints^T tau; I = tau_a / (Kt ratio), within its limit.
     """
     for j in range(7):
         torque = 0.0
@@ -324,7 +316,7 @@ def control_joints(controller: PsmController, control: PsmControlState, shaft_to
             )
         control.wanted[j] = torque
     actuator = np.empty(AXES)
-    through(control.wanted, controller.joints, actuator, True)
+    apply_coupling(control.wanted, controller.joints, actuator, True)
     for j in range(7):
         per_ampere = controller.torque_constant[j] * controller.ratio[j]
         current = actuator[j] / per_ampere
@@ -336,12 +328,12 @@ def control_joints(controller: PsmController, control: PsmControlState, shaft_to
         control.current[j] = current
         shaft_torque[j] = current * controller.torque_constant[j]
         actuator[j] = current * per_ampere
-    through(actuator, controller.discs, control.torque, True)
+    apply_coupling(actuator, controller.discs, control.torque, True)
 
 
 @inlined
 def take_psm_setpoint(controller: PsmController, control: PsmControlState, wanted: Floats) -> None:
-    """Move the setpoint towards what is wanted, by one clamped step and, guarded, within the joint limits."""
+    """Move the setpoint to the command, by at most one step and, if guarded, within the joint limits."""
     for j in range(7):
         before = control.setpoint[j]
         if not math.isnan(wanted[j]):
@@ -354,12 +346,12 @@ def take_psm_setpoint(controller: PsmController, control: PsmControlState, wante
 
 
 def register_psm(controller: PsmController, control: PsmControlState, drive: PsmDrive, rotor: Floats) -> None:
-    """Write encoder offsets from what the potentiometers say of the actuators: true but for `registration`."""
+    """Write encoder offsets from the potentiometers' actuator positions, true but for `registration`."""
     actuator = rotor / (drive.ratio * (1.0 + drive.ratio_error)) + controller.registration
     motor = actuator * controller.ratio
     control.offset = np.trunc(control.counts - motor * controller.counts / _FULL_TURN)
     control.motor = (control.counts - control.offset) * _FULL_TURN / controller.counts
-    through(control.motor / controller.ratio, controller.joints, control.joint, False)
+    apply_coupling(control.motor / controller.ratio, controller.joints, control.joint, False)
     control.setpoint = control.joint
 
 
@@ -378,9 +370,9 @@ def run_psm_ticks(
     substeps: int,
     log: PsmLog,
 ) -> int:
-    """Run the controller and the arm for T ticks of 1 ms; as `run_ticks` does for a RAVEN-II.
+    """Run the controller and the arm for T ticks of 1 ms; see `run_ticks` for arguments and result.
 
-    coupling (links, 3) holds the coordinates of the links of the first three joints.
+    coupling (links, 3) maps the first three joints to the links' coordinates.
     """
     drive, controller, arm, control, work = drive[()], controller[()], arm[()], control[()], work[()]
     shaft_torque = np.zeros(7)

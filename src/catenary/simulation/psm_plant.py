@@ -1,4 +1,4 @@
-"""A simulated da Vinci PSM under the dVRK's control: links, cables, a wrist with play, a tracker; a Plant."""
+"""Simulated da Vinci PSM under the dVRK's control: links, cables, a wrist with backlash, an optical tracker."""
 
 from collections.abc import Iterator, Mapping
 
@@ -31,9 +31,9 @@ from catenary.simulation.simulated_plant import PERIOD
 
 _PSM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")
 _POWER_WAIT_S = 0.5  # [s] until the amplifiers hold the arm
-_NOISE_ROWS = 8191  # of the tracker, after which they come again
+_NOISE_ROWS = 8191  # period of the tracker's noise, in ticks
 _HOME_TIME_S = 3.0  # [s] of the half cosine to the home position
-# between which an arm stands at power-on [rad, rad, m, rad...]
+# range of the positions at power-on [rad, rad, m, rad...]
 _START_ENDS = (
     np.array([*np.deg2rad([-20.0, -20.0]), 0.06, *np.deg2rad([-30.0, -10.0, -10.0, 0.0])]),
     np.array([*np.deg2rad([20.0, 20.0]), 0.18, *np.deg2rad([30.0, 10.0, 10.0, 10.0])]),
@@ -47,7 +47,7 @@ PSM_COLUMNS = ("measured_js", "measured_js_velocity", "measured_js_effort", "set
 
 
 class PsmPlant(FirmwarePlant[PsmLog]):
-    """One PSM with its instrument. Shafts are held while it is not enabled; the real one is balanced instead."""
+    """Simulated PSM with its instrument. Brakes hold it while it is not enabled; the real one is balanced instead."""
 
     joint_names = (*PSM_JOINTS, "jaw")
     joint_units = _PSM_UNITS
@@ -66,14 +66,22 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         base: MovingBase | None = None,
         substeps: int = 2,
     ) -> None:
-        """Put an arm on a base; arguments as of a `CablePlant`, `start` (7,) [rad, rad, m, rad...]."""
+        """Create an arm, powered on and disabled.
+
+        Args:
+            arm: Parameters; the package's PSM when None.
+            seed: Draws a random arm of the kind and its start; None is the nominal arm at a fixed start.
+            start: (7,) joint positions at power-on [rad, rad, m, rad...]; drawn when None.
+            base: Motion of the base; level and fixed when None.
+            substeps: Physics steps per millisecond.
+        """
         rng = np.random.default_rng(0 if seed is None else seed)
         drawn = load_psm() if arm is None else arm
         self.arm = drawn if seed is None else varied_psm(drawn, rng)
         super().__init__(base, substeps)
         self.seed = seed
         self.model: RobotModel = load_robot("dvrk_psm")
-        # the arm's parameters and its controller's; others may be put in place of them
+        # parameters of the arm and of its controller, which may be replaced
         self.drive, self.firmware = self.arm.drive.copy(), self.arm.controller.copy()
         self.state = PsmState()
         self.control = PsmControlState(braked=True, guarded=True)
@@ -86,13 +94,13 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         return self._sample(ext_jpos=self.external_encoders(), q_true=self.state.q.copy())
 
     def external_encoders(self) -> Floats:
-        """Return where a tracker sees the arm's joints, (6,) [rad, rad, m, rad, rad, rad]."""
+        """Return the arm's joint positions by the tracker, (6,) [rad, rad, m, rad, rad, rad]."""
         return self.seen(self.state.q, self._tick)
 
     def seen(self, q: Floats, ticks: ArrayLike) -> Floats:
-        """Return where a tracker sees joints that really are at q (..., 7) in a tick (...): (..., 6).
+        """Return the tracker's reading (..., 6) of true joint positions q (..., 7) in ticks (...).
 
-        Its noise depends on the tick alone, whoever asks and how often.
+        Its noise is a function of the tick, however often it is read.
         """
         tracker = self.arm.tracker
         noisy = q[..., :ARM_JOINTS] + tracker.noise * self._noise[np.asarray(ticks) % _NOISE_ROWS]
@@ -100,7 +108,7 @@ class PsmPlant(FirmwarePlant[PsmLog]):
 
     @property
     def identity(self) -> dict[str, object]:
-        """What makes this arm another one than others of its kind."""
+        """Parameters that distinguish this arm from others of its kind."""
         return {"robot": self.arm.name, "seed": self.seed}
 
     def _run_ticks(self, rows: Floats, base: BaseSamples, log: PsmLog) -> int:
@@ -110,13 +118,13 @@ class PsmPlant(FirmwarePlant[PsmLog]):
         )  # fmt: skip
 
     def _homing_rows(self) -> Iterator[Floats]:
-        """Register by the potentiometers, hold, and go home along half a cosine, as the dVRK does.
+        """Register by the potentiometers, hold, and move home along half a cosine, as the dVRK does.
 
-        The potentiometers sit at the actuators: play and stretch of the cables beyond are not registered away.
+        The potentiometers are at the actuators: registration does not remove backlash and stretch of the cables.
         """
         control, home = self.control, self.firmware.home_value
         register_psm(self.firmware, control, self.drive, self.state.rotor)
-        control.guarded = False  # it may stand beyond the joint limits
+        control.guarded = False  # it may be beyond the joint limits
         control.mode[:] = POSITION
         start = control.joint.copy()
         for _ in range(round(_POWER_WAIT_S / PERIOD)):
@@ -131,7 +139,14 @@ class PsmPlant(FirmwarePlant[PsmLog]):
 
 
 def psm_telemetry(plant: PsmPlant, log: PsmLog) -> dict[str, Floats]:
-    """Return T ticks of a run as telemetry: column name to (T, 6), without the jaw."""
+    """Return T ticks of a run as telemetry.
+
+    Args:
+        log: Its last T ticks.
+
+    Returns:
+        Columns (T, 6) by name, without the jaw, in SI.
+    """
     measured = (log.joint, log.joint_velocity, log.torque, log.setpoint)
     columns = {name: values[:, :ARM_JOINTS].copy() for name, values in zip(PSM_COLUMNS, measured, strict=False)}
     return {**columns, "ext_jpos": plant.seen(log.q, plant.ticks - np.arange(len(log.q), 0, -1))}

@@ -1,8 +1,8 @@
-"""Records: named numbers and arrays of fixed shapes, which compiled code takes as one argument.
+"""Records of named numbers and arrays of fixed shapes, which compiled code takes as one argument.
 
-numba looks at every array of a call, so an arm's eighty small arrays one by one would cost more than its physics. A
-record is one structured array: `cable.stiffness[j]` is the same memory in Python and in compiled code. Shapes are given
-by name, "joint" or "link"; the numbers are a RAVEN-II's unless a subclass has other `sizes`.
+numba unpacks every array of a call, so passing an arm's eighty small arrays one by one would cost more than its
+physics. A record is one structured array: `cable.stiffness[j]` is the same memory in Python and in compiled code.
+Shapes are given by name, "joint" or "link"; sizes are a RAVEN-II's unless a subclass has other `sizes`.
 """
 
 from collections.abc import Mapping
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 
-POSITIONING, TOOLS = 3, 4  # joints of an arm; its axes are these in this order
+POSITIONING, TOOLS = 3, 4  # numbers of positioning and tool joints of an arm; its axes are these in this order
 AXES = POSITIONING + TOOLS
-OFF, POSITION, TORQUE = 0, 1, 2  # modes of an axis: no output, its setpoint held, joint torque as commanded
+OFF, POSITION, TORQUE = 0, 1, 2  # modes of an axis: no output, position control, commanded joint torque
 
-# how many there are of each in a RAVEN-II's arm; "node" is a link or the base
+# array sizes of a RAVEN-II's arm; "node" is a link or the base
 SIZES: Mapping[str, int] = {
     "joint": POSITIONING,
     "tool": TOOLS,
@@ -27,7 +27,7 @@ SIZES: Mapping[str, int] = {
     "node": POSITIONING + 1,
 }
 
-# fields by what they have a number for
+# types of fields
 PerJoint = Annotated[Floats, "f8", ("joint",)]  # joint behind a cable, or its cable
 PerTool = Annotated[Floats, "f8", ("tool",)]
 PerAxis = Annotated[Floats, "f8", ("axis",)]
@@ -36,7 +36,7 @@ _SCALARS = {float: "f8", bool: "?"}
 
 
 class _Field:
-    """A field as an attribute: a view where it is an array, a copy where it is a number."""
+    """Descriptor of a field: a view of an array, a copy of a number."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -49,7 +49,7 @@ class _Field:
 
 
 class Record(np.ndarray[Any, np.dtype[Any]]):
-    """One record, or rows of them; compiled functions, given `record[()]` or `rows[k]`, read the same attributes."""
+    """One record, or rows of records; compiled functions read the same attributes of `record[()]` or `rows[k]`."""
 
     fields: ClassVar[tuple[str, ...]]
     layout: ClassVar[np.dtype[Any]]
@@ -67,22 +67,22 @@ class Record(np.ndarray[Any, np.dtype[Any]]):
             setattr(cls, name, _Field(name))
 
     def __new__(cls, **fields: object) -> Self:
-        """Make one record; fields that are not given are zero."""
-        record = cls.rows(())  # no copy, which would leave the bytes between fields as they were in memory
+        """Create one record; missing fields are zero."""
+        record = cls.rows(())  # not a copy, which would leave padding bytes uninitialised
         for name, value in fields.items():
             record[name] = value
         return record
 
     @classmethod
     def rows(cls, shape: int | tuple[()]) -> Self:
-        """Make so many records, all zero."""
+        """Create an array of records, all zero."""
         return np.zeros(shape, cls.layout).view(cls)
 
     def __getitem__(self, key: Any) -> Any:  # NumPy's type stubs know no fields
         return super().__getitem__(key)
 
     def replace(self, **fields: object) -> Self:
-        """Return a copy with other values in some fields."""
+        """Return a copy with new values in the given fields."""
         copy = self.copy()
         for name, value in fields.items():
             copy[name] = value
@@ -90,7 +90,7 @@ class Record(np.ndarray[Any, np.dtype[Any]]):
 
 
 def _storage(hint: Any, sizes: Mapping[str, int]) -> tuple[str, tuple[int, ...]]:
-    """Return NumPy's name of a field's type, and the field's shape."""
+    """Return the NumPy type and the shape of a field."""
     if hint in _SCALARS:
         return _SCALARS[hint], ()
     _, kind, shape = get_args(hint)

@@ -1,4 +1,4 @@
-"""Simulated sensors on an arm's base: what an accelerometer or inertial unit reads there, and what goes wrong."""
+"""Simulated IMU on a robot's base: noise, resolution, latency, mounting errors, and injected faults."""
 
 import math
 from collections import deque
@@ -15,11 +15,11 @@ from catenary.simulation.base_motion import MovingBase
 from catenary.spatial import STANDARD_GRAVITY, cross, rotation_about_x, rotation_about_z
 
 _G = 9.80665  # [m/s2] of a datasheet
-# of a sensor that came loose: no order of axes explains it
+# rotation of a sensor that came loose, unlike any permutation of axes
 _KNOCKED = rotation_about_z(0.5) @ rotation_about_x(0.4)
 _SPIKE_SAMPLES = 10  # samples
 Sample = tuple[float, Floats]  # stamp [s], vector (3,)
-# what a fault makes of a sample: (stamp, vector, the sample sent before, end of the range); None when it is lost
+# effect of a fault on a sample: (stamp, vector, previous sample, end of the range); None for a lost sample
 _EFFECTS: dict[str, Callable[[float, Floats, Sample, float], Sample | None]] = {
     "drop_out": lambda t, v, before, end: None,
     "not_finite": lambda t, v, before, end: (t, np.append(np.nan, v[1:])),
@@ -46,9 +46,9 @@ FAULT_KINDS = tuple(_EFFECTS)
 
 @dataclass(frozen=True)
 class InjectedFault:
-    """A fault of a sensor from `start` on, for `duration`."""
+    """Fault of a simulated sensor in an interval of time."""
 
-    kind: str  # of FAULT_KINDS; those that begin with rates_ are of the gyroscope
+    kind: str  # one of FAULT_KINDS; names that begin with rates_ concern the gyroscope
     start: float  # [s]
     duration: float = math.inf  # [s]
 
@@ -57,7 +57,7 @@ class InjectedFault:
             raise InputError(f'fault "{self.kind}": expected one of {", ".join(FAULT_KINDS)}')
 
     def holds(self, stamp: float, kind: Kind, number: int) -> bool:
-        """Return whether sample `number` of a kind, taken at `stamp` [s], is wrong."""
+        """Return true if the fault affects sample `number` of a kind at `stamp` [s]."""
         of_both = self.kind == "drop_out" or self.kind.startswith("stamp_")
         concerned = of_both or self.kind.startswith("rates_") is (kind is Kind.ANGULAR_RATE)
         skipped = self.kind == "spikes" and number % _SPIKE_SAMPLES != 0
@@ -66,17 +66,17 @@ class InjectedFault:
 
 @dataclass(frozen=True)
 class SensorModel:
-    """How a sensor's readings differ from the truth; by default as of an MPU-6050 at 2 g and 250 deg/s."""
+    """Errors of a simulated IMU; by default an MPU-6050 at 2 g and 250 deg/s."""
 
     rate_hz: float = 200.0
     # MPU-6000/6050 product specification rev. 3.4, tables 6.1 and 6.2
     noise: float = 400e-6 * _G  # [m/s2/sqrt(Hz)]
     rate_noise: float = math.radians(0.005)  # [rad/s/sqrt(Hz)]
-    resolution: float = _G / 16384.0  # [m/s2] of a count; 0 for none
+    resolution: float = _G / 16384.0  # [m/s2] of a count; 0 for no quantisation
     rate_resolution: float = math.radians(1.0 / 131.0)  # [rad/s]
     latency: float = 0.002  # [s] from the sample to its arrival
     has_gyroscope: bool = True
-    # what it truly is like; what is told to the estimator may differ
+    # true mounting and errors, which the estimator's may differ from
     mounting: Mounting = field(
         default_factory=lambda: Mounting(acceleration_range=2.0 * _G, rate_range=math.radians(250.0), checked=True)
     )
@@ -88,10 +88,7 @@ class SensorModel:
 
 
 class SimulatedSensor:
-    """Puts the samples of a sensor on a moving base into a mailbox; `advance` delivers what is due.
-
-    The base is anything with `sample`, such as the one that a plant stands on.
-    """
+    """Deliver samples of a simulated sensor on a moving base to a mailbox, at each call of `advance`."""
 
     def __init__(
         self,
@@ -103,10 +100,12 @@ class SimulatedSensor:
         seed: int = 0,
         start: float = 0.0,
     ) -> None:
-        """Mount a sensor, an MPU-6050 at the base's origin when None, on a base.
+        """Mount a sensor on a base.
 
-        Its first sample is taken at `start`, or just after [s]; the plant's time, where that has gone by. Faults say
-        what goes wrong, and when; the seed is of its noise.
+        Args:
+            base: Motion of the base, such as a plant's `base`.
+            model: Errors of the sensor; an MPU-6050 at the base's origin when None.
+            start: Time of the first sample, or just before it [s]; the plant's present time.
         """
         self.model = SensorModel() if model is None else model
         self.mailbox, self.faults = mailbox, tuple(faults)
@@ -117,7 +116,7 @@ class SimulatedSensor:
         self._sent: dict[Kind, Sample] = {}  # the last of each kind, for faults that repeat it
 
     def advance(self, now: float) -> None:
-        """Take all samples that are due at a time [s], and deliver those that have arrived by then."""
+        """Take all samples that are due by a time [s], and deliver those that have arrived."""
         model = self.model
         while self._next / model.rate_hz <= now + 1e-9:  # rounding of ticks
             self._sample(self._next / model.rate_hz)
@@ -150,9 +149,9 @@ class SimulatedSensor:
             vector = resolution * np.round(vector / resolution)
         for fault in self.faults:
             if fault.holds(stamp, kind, self._next):
-                spoilt = _EFFECTS[fault.kind](stamp, vector, before, end)
-                if spoilt is None:
+                faulty = _EFFECTS[fault.kind](stamp, vector, before, end)
+                if faulty is None:
                     return
-                stamp, vector = spoilt
+                stamp, vector = faulty
         self._sent[kind] = stamp, vector
         self._under_way.append((arrival, stamp, vector, kind))

@@ -1,4 +1,4 @@
-"""What every simulated plant has: a tick of 1 ms, a base to stand on, CRTK's operating state; and the clock's speed."""
+"""Base class of simulated robots: ticks of 1 ms, a base, CRTK operating states; and pacing in real time."""
 
 import time
 from abc import ABC, abstractmethod
@@ -22,7 +22,7 @@ PERIOD = 1e-3  # [s]
 
 
 class SimulatedPlant(ABC):
-    """A robot in simulated time; brakes hold it while it is not enabled and homed."""
+    """Robot in simulated time; brakes hold it while it is not enabled and homed."""
 
     period = PERIOD
     simulated = True
@@ -32,21 +32,21 @@ class SimulatedPlant(ABC):
     columns: tuple[Column, ...]  # of telemetry
 
     def __init__(self, base: BaseTimeline, *, is_homed: bool) -> None:
-        """Stand on a base, disabled."""
+        """Start at tick zero, disabled, on a base."""
         self._base = base
         self._tick = 0
         self._state: StateName = "DISABLED"
-        self._fault = ""  # why it is in FAULT
+        self._fault = ""  # reason of FAULT
         self._is_homed = is_homed
-        self._wanted: Floats | None = None  # where the setpoint goes in the next tick, (n,)
+        self._wanted: Floats | None = None  # (n,) position command of the next tick
 
     @property
     def base(self) -> MovingBase:
-        """What the robot stands on."""
+        """Motion of the robot's base."""
         return self._base.base
 
-    def stand_on(self, base: MovingBase) -> None:
-        """Stand on another base from now on; one that goes on where the last one is moves the arm without a jolt."""
+    def set_base(self, base: MovingBase) -> None:
+        """Replace the base; one that continues the motion of the last one causes no jolt."""
         self._base = BaseTimeline(base, self._base.period)
 
     @property
@@ -61,25 +61,25 @@ class SimulatedPlant(ABC):
 
     @property
     def fault_reason(self) -> str:
-        """Why it is in FAULT; empty in other states."""
+        """Reason of state FAULT; empty in other states."""
         return self._fault if self._state == "FAULT" else ""
 
     @abstractmethod
     def measured_js(self) -> JointState:
-        """Return the joint state as the robot believes it; gravity and base rates are an ideal sensor's."""
+        """Return the joint state that the robot reports, with gravity and base rates of an ideal sensor."""
 
     @abstractmethod
     def setpoint_js(self) -> JointState:
         """Return the setpoint of the robot's own position control."""
 
     def servo_jp(self, q: Floats) -> None:
-        """Move the setpoint towards q (n,) [rad|m] in the next tick, as far as its limits allow."""
+        """Move the setpoint to q (n,) [rad|m] in the next tick, within its limits."""
         self._require_ready()
         self._wanted = as_array("servo_jp", q, (len(self.joint_names),)).copy()
         self._control_position()
 
     def servo_jr(self, dq: Floats) -> None:
-        """Move the setpoint by dq (n,) [rad|m]; several in a tick add up, then the limits hold."""
+        """Move the setpoint by dq (n,) [rad|m], within its limits; commands in the same tick add up."""
         self._require_ready()
         start = self.setpoint_js().q if self._wanted is None else self._wanted
         self._wanted = start + as_array("servo_jr", dq, (len(self.joint_names),))
@@ -90,7 +90,7 @@ class SimulatedPlant(ABC):
         return OperatingState(self._state, self._is_homed, self._is_homing)
 
     def state_command(self, command: StateCommand) -> None:
-        """Ask for a transition: enable, disable, pause, resume, home, unhome."""
+        """Request a transition: enable, disable, pause, resume, home, unhome."""
         if command not in STATE_COMMANDS:
             raise UnsupportedCommandError(f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}')
         if command == "home":
@@ -104,7 +104,7 @@ class SimulatedPlant(ABC):
             self._set_state(TRANSITIONS[command][self._state])
 
     def home(self) -> None:
-        """Enable and home, as fast as the machine runs."""
+        """Enable and home, faster than real time."""
         self.state_command("enable")
         self.state_command("home")
         while self._is_homing:
@@ -120,7 +120,7 @@ class SimulatedPlant(ABC):
 
     @property
     def _moves(self) -> bool:
-        """Whether the robot's brakes are off and its control runs."""
+        """Brakes are off and control is active."""
         return self._state == "ENABLED" and self._is_homed
 
     def _set_state(self, state: StateName, why: str = "") -> None:
@@ -133,16 +133,16 @@ class SimulatedPlant(ABC):
 
     def _joint_state(self, q: Floats, qd: Floats, tau: Floats, q_motor: Floats) -> JointState:
         gravity, motion = self._base_now()
-        # an accelerometer cannot tell free fall from the acceleration of what it stands on
+        # an accelerometer measures gravity minus the acceleration of the base
         return JointState(self.time, q, qd, tau, q_motor, gravity[0] - motion[0, 2], 0.0, motion[0, :2].copy())
 
     @abstractmethod
     def _control_position(self) -> None:
-        """Leave torques, if any are commanded, and follow the setpoint."""
+        """Switch from torque control to position control."""
 
     @abstractmethod
     def _state_changed(self) -> None:
-        """Make the robot do what its operating state asks for."""
+        """Set brakes and control modes by the operating state."""
 
     @abstractmethod
     def _begin_homing(self) -> None: ...
@@ -160,13 +160,13 @@ class SimulatedPlant(ABC):
 
 
 class PacedPlant:
-    """A simulated plant whose ticks take as long as a robot's; a late tick's time is not caught up."""
+    """A simulated plant in real time; the time of a late tick is not caught up."""
 
     def __init__(self, plant: Plant) -> None:
-        """Take a plant; its clock starts with the first tick."""
+        """Pace a plant from its first tick on."""
         self._plant = plant
         self._next: float | None = None
-        self.late = 0  # ticks that began a whole period late or more
+        self.late = 0  # ticks that began at least a period late
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._plant, name)

@@ -1,1 +1,1 @@
-"""A robot moved by hand from the keyboard of any terminal."""
+"""Keyboard teleoperation of a robot from a terminal."""

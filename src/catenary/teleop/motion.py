@@ -1,4 +1,4 @@
-"""Velocities of a robot's joints and of its tip, by the keys that are held."""
+"""Keyboard teleoperation: joint and Cartesian velocities by held keys, with ramps and joint limits."""
 
 import numpy as np
 
@@ -21,17 +21,17 @@ _SPEED_FACTORS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0)  # times joint and tip speeds
 _FIRST_FACTOR = 2
 _JOINT_SPEED = {"rad": 0.2, "m": 0.01}  # [rad/s], [m/s]
 _TIP_SPEED_M_S = 0.01  # [m/s]
-_DAMPING_M = 0.002  # of the inverse Jacobian [m]: near singular poses the tip slows down, joints do not race
+_DAMPING_M = 0.002  # of the damped inverse Jacobian [m]: near singularities the tip slows down
 _ROUNDING = 1e-9
-KEY_TIMEOUT_S = 0.15  # [s] after the last repeat of a key, from which its motion ramps down
+KEY_TIMEOUT_S = 0.15  # [s] after the last repeat of a key until its motion ramps down
 RAMP_S = 0.1  # [s] from rest to full speed, and back
 
 
 class TeleopMotion:
-    """Where held keys lead: each ramps up to its joint's or axis's speed, and down once it repeats no more."""
+    """Integrate the motion of held keys: each ramps up to its joint's or axis's speed, and down when released."""
 
     def __init__(self, joints: Bounded, model: RobotModel | None) -> None:
-        """Take a robot's joints, and the model of those among them, the first ones, that place its tip."""
+        """Set a robot's joints, and the model of the first ones, which determine its tip; None without a tip."""
         self.joint_names, self.joint_units = joints.joint_names, joints.joint_units
         self._lower, self._upper = np.array(joints.lower), np.array(joints.upper)
         self._model = model
@@ -42,9 +42,9 @@ class TeleopMotion:
             for joint, key in enumerate(keys[: len(self.joint_names)])
         }
         self._full_speed = np.array([_JOINT_SPEED[unit] for unit in self.joint_units])
-        self._pressed: dict[str, float] = {}  # when a held key came last [s]
-        self._shares: dict[str, float] = {}  # of full speed, that a held key has
-        self._q: Floats | None = None  # where the motion has led, until it ends
+        self._pressed: dict[str, float] = {}  # time of the last repeat of each held key [s]
+        self._shares: dict[str, float] = {}  # relative speed of each held key
+        self._q: Floats | None = None  # integrated position, until the motion ends
 
     @property
     def speed(self) -> float:
@@ -53,11 +53,11 @@ class TeleopMotion:
 
     @property
     def is_moving(self) -> bool:
-        """A joint is under way."""
+        """A joint is moving."""
         return self._q is not None
 
     def press(self, key: str, now: float) -> bool:
-        """Take a key, or a repeat of it, at a time [s]; return whether it is one of motion or speed."""
+        """Process a key, or a repeat of it, at a time [s]; return true for keys of motion or speed."""
         if key in SPEED_KEYS:
             self._speed = min(max(self._speed + SPEED_KEYS[key], 0), len(_SPEED_FACTORS) - 1)
         elif key in self._moves or (key in _TIP_AXES and self._model is not None):
@@ -74,31 +74,31 @@ class TeleopMotion:
         self._q = None
 
     def step(self, q: Floats, now: float, period: float) -> tuple[Floats | None, tuple[str, ...]]:
-        """Move on by a tick of `period` [s] at `press`'s time [s]; a motion sets off from setpoint q (n,) [rad|m].
+        """Integrate a tick of `period` [s] at a time `now` [s]; a motion starts at setpoint q (n,) [rad|m].
 
-        Return where to go (n,), None where nothing moves, and the joints at a limit that the keys ask to pass.
+        Return the new setpoint (n,), None at rest, and the joints that keys push against a limit.
         """
         self._ramp(now, period)
         if not self._shares:
             self._q = None
             return None, ()
         start = np.array(q) if self._q is None else self._q
-        asked, velocity = np.zeros(len(start)), np.zeros(6)  # shares of full speed, of joints and of the tip
+        asked, velocity = np.zeros(len(start)), np.zeros(6)  # relative speeds of joints and of the tip
         for key, share in self._shares.items():
             steps, (place, sign) = (asked, self._moves[key]) if key in self._moves else (velocity, _TIP_AXES[key])
             steps[place] += sign * share
         own = self.speed * period * self._full_speed * asked
         tip = period * self._joint_velocity(start, self.speed * _TIP_SPEED_M_S * velocity)
-        # a joint that is beyond a limit, as after homing against a stop, may come back
+        # a joint beyond a limit, as after homing against a stop, may return
         low, high = np.minimum(self._lower, start), np.maximum(self._upper, start)
         blocked = self._beyond(start + own + tip, low, high)
         if blocked and tip.any() and self._beyond(start + tip, low, high):
-            tip = np.zeros(len(start))  # all of it: the tip stays on its line
+            tip = np.zeros(len(start))  # of all joints, so that the tip stays on its line
         self._q = np.clip(start + own + tip, low, high)
         return self._q.copy(), blocked
 
     def _ramp(self, now: float, period: float) -> None:
-        """Ramp every key's share up or down for a tick, and forget those that move no more."""
+        """Ramp the relative speed of every key for a tick, and remove keys at rest."""
         for key, pressed in list(self._pressed.items()):
             is_held = now - pressed <= KEY_TIMEOUT_S
             share = self._shares[key] + (period if is_held else -period) / RAMP_S
@@ -107,13 +107,13 @@ class TeleopMotion:
                 del self._shares[key], self._pressed[key]
 
     def _joint_velocity(self, q: Floats, velocity: Floats) -> Floats:
-        """Return joint velocities (n,) that move the tip at a velocity (6,); a tool that can turn keeps its turn."""
+        """Return joint velocities (n,) of a tip velocity (6,); with six joints or more the orientation is kept."""
         qd = np.zeros(len(q))
         if self._model is None or not velocity.any():
             return qd
         k = self._model.n
         rows = 6 if k >= 6 else 3
-        scale = np.where(np.array(self.joint_units[:k]) == "m", 0.1, 1.0)  # 0.1 m weighs as much as 1 rad
+        scale = np.where(np.array(self.joint_units[:k]) == "m", 0.1, 1.0)  # 0.1 m is equivalent to 1 rad
         weighted = jacobian(self._model, q[:k])[:rows] * scale
         square = weighted @ weighted.T + _DAMPING_M**2 * np.eye(rows)
         qd[:k] = scale * (weighted.T @ np.linalg.solve(square, velocity[:rows]))

@@ -1,4 +1,4 @@
-"""The loop of teleop in a terminal: keys move the robot and change its run level; a picture of fixed size shows it."""
+"""Teleoperation session in a terminal: keys move the robot and change its state; a display of fixed size."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,12 +19,12 @@ _HELP = (
     "arrows: tip along x, y   page up/down: along z   ? keys   Q quit (pauses)",
 )
 _MORE = (
-    f"Hold a key to move; {KEY_TIMEOUT_S + RAMP_S:g} s after its last repeat everything has stopped.",
+    f"Hold a key to move; motion stops {KEY_TIMEOUT_S + RAMP_S:g} s after its last repeat.",
     "Lower case moves, capitals change the robot's state. H twice within 2 s homes.",
     "Ctrl-C and Q hold the robot, then pause it; Ctrl-Z holds it meanwhile.",
 )
-_DRAW_EVERY_S = 0.05  # [s] between two pictures
-_TWICE_WITHIN_S = 2.0  # [s] within which the key that homes comes a second time
+_DRAW_EVERY_S = 0.05  # [s] between two frames of the display
+_TWICE_WITHIN_S = 2.0  # [s] longest interval of the two key presses that home
 _COMMAND_KEYS: dict[str, StateCommand] = {
     "E": "enable", "D": "disable", "P": "pause", "R": "resume", "H": "home",
 }  # fmt: skip
@@ -32,20 +32,24 @@ _REMEDIES = {"DISABLED": "; E enables it", "PAUSED": "; R resumes it"}
 
 
 class TeleopSession:
-    """Reads keys, moves the robot, shows it, tick by tick; `message` says what happened last."""
+    """Teleoperation loop: read keys, move the robot, display it; `message` holds the last event.
+
+    Args:
+        plant: Robot in any state.
+        model: Model of the first joints, which determine the tip; None without a tip.
+    """
 
     def __init__(self, plant: Plant, model: RobotModel | None, name: str, terminal: RawTerminal) -> None:
-        """Take a robot in any state, the model of its first joints, which place the tip, and a terminal."""
         self.plant, self._model, self._name, self._terminal = plant, model, name, terminal
         self._motion, self._keys = TeleopMotion(plant, model), KeyReader()
         state = plant.operating_state()
-        self._told = self._in_words(state)  # of the robot's state, last
-        self.message = "hold a key to move" if state.is_ready else self._told
-        self._asked_home, self._drawn = -_TWICE_WITHIN_S, -_DRAW_EVERY_S  # when last [s]
+        self._reported = self._in_words(state)  # last reported state
+        self.message = "hold a key to move" if state.is_ready else self._reported
+        self._asked_home, self._drawn = -_TWICE_WITHIN_S, -_DRAW_EVERY_S  # time of the last request and frame [s]
         self._with_help = self._quit = False
 
     def run(self, clock: Callable[[], float]) -> str:
-        """Run until somebody quits or the terminal ends, hold and pause the robot, and return why it ended."""
+        """Run until the user quits or the terminal ends, then hold and pause the robot; return the reason."""
         why = "quit"
         try:
             while not self._quit and self._terminal.ended is None:
@@ -54,7 +58,7 @@ class TeleopSession:
                     self._terminal.suspend()
                 try:
                     self._tick(clock())
-                except CatenaryError as error:  # a robot that fell silent may come back; until then nothing is sent
+                except CatenaryError as error:  # a silent robot may return; until then no commands are sent
                     self._motion.stop()
                     self.message = str(error)
                     if self._is_due(clock()):
@@ -86,18 +90,18 @@ class TeleopSession:
         elif key in _COMMAND_KEYS:
             self._command(_COMMAND_KEYS[key], now)
         elif not self._motion.press(key, now):
-            self.message = f"{key}: does nothing; ? shows the keys"
+            self.message = f"{key}: unknown key; ? shows the keys"
         elif key in SPEED_KEYS:
             self.message = f"speed x{self._motion.speed:g}"
         elif not (state := self.plant.operating_state()).is_ready:
-            self.message = f"does not move: {self._in_words(state)}"
+            self.message = f"not moving: {self._in_words(state)}"
 
     def _move(self, now: float) -> tuple[str, ...]:
-        """Send a tick's motion to a robot that may move; return the joints at a limit that the keys ask to pass."""
+        """Command a tick's motion if the robot is ready; return the joints that keys push against a limit."""
         state = self.plant.operating_state()
-        told = self._in_words(state)  # why a robot is in FAULT may come after its state
-        if told != self._told:
-            self.message = self._told = told
+        summary = self._in_words(state)  # the reason of a FAULT may arrive after the state
+        if summary != self._reported:
+            self.message = self._reported = summary
         if not state.is_ready:
             self._motion.stop()
             return ()
@@ -116,9 +120,9 @@ class TeleopSession:
             self.plant.wait()
 
     def _leave(self) -> None:
-        """Hold, then pause; `message` tells of a robot that cannot be reached any more."""
+        """Hold, then pause; `message` reports a robot that cannot be reached."""
         try:
-            with suppress(TransportError):  # one that only stood still obeys when it goes on
+            with suppress(TransportError):  # a suspended robot obeys when it continues
                 self._hold()
                 if self.plant.operating_state().state != "ENABLED":
                     return
@@ -142,19 +146,19 @@ class TeleopSession:
             self.message = str(error)
 
     def _in_words(self, state: OperatingState) -> str:
-        """Return the robot's state as a sentence, with what a person does about it."""
+        """Return the robot's state as a sentence, with the remedy."""
         homed = "homed" if state.is_homed else "homing" if state.is_busy else "not homed: H H homes it"
         remedy = "" if state.is_busy else _REMEDIES.get(state.state, "")
         return f"the robot is {state_in_words(self.plant, state)}, {homed}{remedy}"
 
     def _is_due(self, now: float) -> bool:
-        """Return whether it is time for a picture, which is then taken to be drawn."""
+        """Return true if a frame is due, and mark it as drawn."""
         is_due = now - self._drawn >= _DRAW_EVERY_S
         self._drawn = now if is_due else self._drawn
         return is_due
 
     def _draw(self, blocked: tuple[str, ...]) -> None:
-        """Draw exactly as many lines as the terminal has, none wider than it is."""
+        """Draw as many lines as the terminal has, truncated to its width."""
         columns, lines = self._terminal.size
         footer = [*(_MORE if self._with_help else ()), *_HELP]
         room = max(0, lines - len(footer))

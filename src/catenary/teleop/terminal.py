@@ -1,4 +1,4 @@
-"""A terminal whose keys come one by one, put back as it was on every way out, and its bytes as keys."""
+"""Raw terminal with single-key input, restored on every exit, and a decoder of key sequences."""
 
 import codecs
 import os
@@ -15,16 +15,16 @@ from catenary.errors import InputError
 from catenary.operating_system import ENDING_SIGNALS, HAS_SINGLE_KEYS, single_keys
 
 _ESCAPE = "\x1b"
-# [s] that the rest of an escape sequence may be under way; over SSH it may come in two packets
+# [s] timeout of the rest of an escape sequence, which may arrive in two packets over SSH
 _SEQUENCE_WITHIN_S = 0.05
 _SEQUENCES = {"A": "up", "B": "down", "C": "right", "D": "left", "5~": "page up", "6~": "page down"}
-_SEQUENCE_CHARACTERS = 16  # characters; what is longer is no key
+_SEQUENCE_CHARACTERS = 16  # longest sequence of a key
 # a sequence, which ends with its first character from @ to ~ [ECMA-48, section 5.4]; Alt and a key; escape; a character
 _TOKEN = re.compile(r"\x1b[\[O](?P<sequence>[^@-~]*[@-~])|\x1b[^\x1b\[O]|(?P<key>\x1b(?=\x1b)|[^\x1b])")
 
 
 class KeyReader:
-    """Puts keys together whose bytes come in pieces, waiting 50 ms for the rest of one; leaves unknown ones out."""
+    """Decode keys from a stream of bytes, waiting 50 ms for the rest of a sequence; unknown ones are ignored."""
 
     def __init__(self) -> None:
         self._decoder = codecs.getincrementaldecoder("utf-8")("ignore")
@@ -32,31 +32,31 @@ class KeyReader:
         self._since = 0.0
 
     def feed(self, data: bytes, now: float) -> list[str]:
-        """Take what came at a time [s], which may be nothing, and return the keys that are whole."""
+        """Add bytes received at a time [s], possibly none, and return the complete keys."""
         if data and not self._rest:
             self._since = now
         text, self._rest = self._rest + self._decoder.decode(data), ""
         keys, end = [], 0
-        while found := _TOKEN.match(text, end):
-            end = found.end()
-            key = found["key"] or _SEQUENCES.get(found["sequence"] or "", "")
+        while token := _TOKEN.match(text, end):
+            end = token.end()
+            key = token["key"] or _SEQUENCES.get(token["sequence"] or "", "")
             if key == _ESCAPE:
                 key = "escape"
             if key and key.isprintable():
                 keys.append(key)
         rest = text[end:]
-        if not data and now - self._since > _SEQUENCE_WITHIN_S:  # nothing more is under way
+        if not data and now - self._since > _SEQUENCE_WITHIN_S:  # timeout
             return [*keys, "escape"] if rest == _ESCAPE else keys
         self._rest = rest if len(rest) <= _SEQUENCE_CHARACTERS else ""
         return keys
 
 
-_OPEN = "\x1b[?1049h\x1b[?25l\x1b[2J"  # another screen, no cursor
+_OPEN = "\x1b[?1049h\x1b[?25l\x1b[2J"  # alternate screen, no cursor
 _CLOSE = "\x1b[?25h\x1b[?1049l"
 
 
 class RawTerminal:
-    """Standard input and output, while it is entered. Ctrl-C stays an interrupt, Ctrl-Z suspends and comes back."""
+    """Standard input and output in raw mode, as a context manager. Ctrl-C interrupts, Ctrl-Z suspends."""
 
     def __init__(self) -> None:
         if not (HAS_SINGLE_KEYS and sys.stdin.isatty() and sys.stdout.isatty()):
@@ -64,8 +64,8 @@ class RawTerminal:
         self._in, self._out = sys.stdin.fileno(), sys.stdout.fileno()
         self._put_back: Callable[[], None] = lambda: None
         self._handlers: dict[int, Any] = {}
-        self.ended: str | None = None  # the signal that asked for the end, or that the terminal is gone
-        self.wants_suspension = False  # Ctrl-Z: `suspend` when the robot is safe
+        self.ended: str | None = None  # name of the ending signal, or a lost terminal
+        self.wants_suspension = False  # after Ctrl-Z: call `suspend` when the robot is safe
         self._last: list[str] = []
 
     def __enter__(self) -> Self:
@@ -83,11 +83,11 @@ class RawTerminal:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Columns and lines, as they are now."""
+        """Present number of columns and lines."""
         return get_terminal_size()
 
     def read(self) -> bytes:
-        """Return what was typed so far, without waiting."""
+        """Return the bytes typed so far, without waiting."""
         if not select([self._in], [], [], 0.0)[0]:
             return b""
         try:
@@ -99,7 +99,7 @@ class RawTerminal:
         return data
 
     def draw(self, lines: list[str]) -> None:
-        """Show lines; only those that changed are sent, in one piece, so nothing flickers."""
+        """Show lines; only changed ones are sent, in one write, to avoid flicker."""
         is_new = len(lines) != len(self._last)
         text = "\x1b[2J" if is_new else ""
         for k, line in enumerate(lines):
@@ -132,7 +132,7 @@ class RawTerminal:
         self.wants_suspension = True
 
     def suspend(self) -> None:
-        """Stop this process until it is continued; the shell has the terminal meanwhile."""
+        """Stop this process until it is continued, with the terminal restored."""
         self.wants_suspension = False
         self._close()
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)

@@ -2,9 +2,9 @@
 
 Dynamic-gravity-compensation paper, section IV: "sequential sinusoidal motions along each Cartesian direction",
 amplitude 3.1 inch, period 4 s, two full cycles. The tool moves by amplitude sin(phase) about its start.
-A sine begins at full speed; the paper leaves that to the robot's controller. Here the phase speeds up and
-slows down over a quarter of the period, so that every axis begins and ends at rest at the start and takes as much
-longer.
+A sine starts at full speed; the paper leaves that to the robot's controller. Here the phase accelerates and
+decelerates over a quarter of the period, so that every axis starts and ends at rest at the start pose, and takes that
+much longer.
 """
 
 from collections.abc import Sequence
@@ -29,16 +29,16 @@ _PERIOD_S = 4.0  # [s] the same
 CYCLES = 2  # the same
 _RAMP_PERIODS = 0.25  # of the period, ours
 
-# Where a model states no velocity limit: near a singularity joints would have to move faster than any robot
+# velocity limits if a model has none: near a singularity joints would have to move faster than any robot
 _FASTEST = {"rad": 10.0, "m": 1.0}  # [rad/s], [m/s], ours
 _DEGREE = 5  # of the splines: position to acceleration are smooth, and zero at both ends where they must be
 
 
 class CartesianSinusoids(SampledTrajectory):
-    """A trajectory that moves a robot's tip along the axes of its base frame, one after the other.
+    """Trajectory of a robot's tip along the axes of its base frame, one after the other.
 
-    Joint positions are joined by splines of degree 5, and all found at construction: a motion that the robot cannot
-    make is refused before anything moves.
+    Joint positions are computed at construction and interpolated by splines of degree 5: an infeasible motion is
+    refused before anything moves.
     """
 
     def __init__(
@@ -52,11 +52,21 @@ class CartesianSinusoids(SampledTrajectory):
         axes: Sequence[str] = ("x", "y", "z"),
         step: float = 0.01,
     ) -> None:
-        """Solve the inverse kinematics every `step` [s] of the whole motion.
+        """Solve the inverse kinematics of the whole motion.
 
-        It begins at q_start (n,) [rad or m], returns there after every one of the base frame's axes, and swings by
-        `amplitude` [m] to either side in `period` [s]. The tip of a robot of six coordinates or more keeps its
-        orientation.
+        The tip of a robot of six coordinates or more keeps its orientation.
+
+        Args:
+            model: Robot of n coordinates.
+            q_start: (n,) start, to which the motion returns after each axis [rad|m].
+            amplitude: To either side [m].
+            period: Of a sine [s].
+            cycles: Per axis, at least 1.
+            axes: Of the base frame: x, y, z.
+            step: Sampling interval of the inverse kinematics [s].
+
+        Raises:
+            LimitError: A pose is out of reach, or a joint exceeds its velocity limit.
         """
         start = as_array("q_start", q_start, (model.n,))
         swing, seconds = as_positive("amplitude", amplitude), float(as_positive("period", period))
@@ -90,7 +100,7 @@ class CartesianSinusoids(SampledTrajectory):
         return q, qd, qdd
 
     def tip_positions(self, times: ArrayLike) -> Floats:
-        """Return where the tip is meant to be in the base frame, (N, 3) [m], at `times` (N,) [s]."""
+        """Return the desired tip positions in the base frame, (N, 3) [m], at times (N,) [s]."""
         phases, _, _ = self._phases.sample(times)
         return np.asarray(self._start.position + np.sin(phases) @ self._swing)
 
@@ -101,7 +111,7 @@ class CartesianSinusoids(SampledTrajectory):
             try:
                 return raven_path(model, rotations, positions, start)
             except UnreachablePoseError:
-                pass  # below, pose by pose, to say when
+                pass  # solved pose by pose below, to report the time
         q = np.empty((len(times), model.n))
         near = start
         for k, position in enumerate(positions):
@@ -113,7 +123,7 @@ class CartesianSinusoids(SampledTrajectory):
         return q
 
     def _refuse_leaps(self, model: RobotModel, times: Floats, q: Floats) -> None:
-        """Refuse velocities beyond the joints' limits; a leap to another configuration is one of them."""
+        """Refuse velocities beyond the joints' limits, such as a jump to another configuration."""
         fallback = [_FASTEST[unit] for unit in model.joint_units]
         fastest = np.where(np.isinf(model.velocity_limit), fallback, model.velocity_limit)
         speed = np.abs(np.diff(q, axis=0)) / np.diff(times)[:, np.newaxis]
@@ -135,7 +145,7 @@ class CartesianSinusoids(SampledTrajectory):
 
 
 def _phases(axes: int, period: float, cycles: int, ramp: float) -> SmoothedPath:
-    """Return the phase of each axis' sine [rad]: it rises through all its cycles while the others stand."""
+    """Return the phase of each axis' sine [rad]: it rises through all cycles while those of the others are constant."""
     runs = cycles * period
     begins = np.arange(axes) * (runs + ramp)
     times = np.sort(np.concatenate([begins, begins + runs]))

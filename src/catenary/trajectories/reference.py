@@ -1,4 +1,4 @@
-"""The interface of a trajectory, and motions made of others: in turn, of some joints alone, standing still."""
+"""Interface of joint trajectories, and compositions: in sequence, resumed, of a subset of joints, at rest."""
 
 from abc import ABC, abstractmethod
 from bisect import bisect_right
@@ -14,17 +14,27 @@ from catenary.errors import InputError
 
 
 class Reference(NamedTuple):
-    """Where the joints should be at one instant."""
+    """Desired joint state at one instant.
 
-    q: Floats  # (n,) [rad|m]
-    qd: Floats  # (n,) [rad/s|m/s]
-    qdd: Floats  # (n,) [rad/s2|m/s2]
+    Attributes:
+        q: (n,) positions [rad|m].
+        qd: (n,) velocities [rad/s|m/s].
+        qdd: (n,) accelerations [rad/s2|m/s2].
+
+    Example:
+        >>> catenary.Reference(np.array([0.1]), np.zeros(1), np.zeros(1)).q
+        array([0.1])
+    """
+
+    q: Floats
+    qd: Floats
+    qdd: Floats
 
 
 class Trajectory(Protocol):
-    """A motion from rest to rest; before it the joints are at its start, after it at its end.
+    """Motion from rest to rest: before it the joints are at its start, after it at its end.
 
-    Position and velocity are continuous, and `qd` is the derivative of `q`, `qdd` that of `qd`.
+    Position and velocity are continuous; `qd` is the derivative of `q`, and `qdd` that of `qd`.
     """
 
     @property
@@ -38,7 +48,7 @@ class Trajectory(Protocol):
 
 
 class SampledTrajectory(ABC):
-    """A trajectory that is a function of many times; one time is a sample of one."""
+    """Base class of trajectories that are evaluated at arrays of times."""
 
     duration: float  # [s] until all joints are at rest again
 
@@ -52,17 +62,21 @@ class SampledTrajectory(ABC):
         """Return references at many times (N,) [s]: q, qd, qdd, each (N, n)."""
 
 
-_LEAD_S = 1.0  # [s] from rest to a motion's own pace
+_LEAD_S = 1.0  # [s] from rest to a motion's own speed
 
 
 class GoneOn(SampledTrajectory):
-    """A motion from an instant on: from rest along the half second before it, ever faster until the motion's own pace.
+    """A motion resumed at an instant: from rest, along the half second before it, accelerating to the motion's speed.
 
-    So cables and gears come to that instant as they did, or would have, in the motion itself.
+    So cables and gears reach that instant in the same state as in the whole motion.
     """
 
     def __init__(self, motion: Trajectory, begin: float) -> None:
-        """Go on with a motion from `begin` [s] of it."""
+        """Resume a motion.
+
+        Args:
+            begin: Instant at which to resume [s], 0 to the motion's duration.
+        """
         if not 0.0 <= begin <= motion.duration:
             raise InputError(f"begin: expected 0 to {motion.duration:g} s, got {begin:g}")
         self._motion, self.begin = motion, begin
@@ -73,7 +87,7 @@ class GoneOn(SampledTrajectory):
         """Return references at many times (N,) [s]."""
         t = as_array("times", times, (None,))
         u = np.clip(t / self.lead, 0.0, 1.0) if self.lead else np.ones(len(t))
-        # the pace rises as 3 u^2 - 2 u^3
+        # relative speed: 3 u^2 - 2 u^3
         place = self.begin - 0.5 * self.lead + self.lead * (u**3 - 0.5 * u**4) + np.maximum(t - self.lead, 0.0)
         pace = (3.0 * u**2 - 2.0 * u**3)[:, np.newaxis]
         rise = (6.0 * u * (1.0 - u) / self.lead if self.lead else np.zeros(len(t)))[:, np.newaxis]
@@ -85,10 +99,14 @@ _NEAR = 1e-9  # [rad|m] rounding, between the end of one motion and the start of
 
 
 class Rest(SampledTrajectory):
-    """Standing still for a while."""
+    """Rest at a joint position.
+
+    Args:
+        q: (n,) [rad|m].
+        duration: [s], 0 or more.
+    """
 
     def __init__(self, q: ArrayLike, duration: float) -> None:
-        """Stand at q (n,) [rad or m] for `duration` [s]."""
         self._q = as_array("q", q, (None,)).copy()
         self.duration = float(as_array("duration", duration, ()))
         if self.duration < 0.0:
@@ -102,10 +120,10 @@ class Rest(SampledTrajectory):
 
 
 class InTurn:
-    """Trajectories one after the other, each beginning where the last one ended."""
+    """Trajectories in sequence, each starting where the last one ended."""
 
     def __init__(self, parts: Sequence[Trajectory]) -> None:
-        """Join motions."""
+        """Join trajectories; refuse those that do not connect."""
         if not parts:
             raise InputError("parts: expected at least one trajectory")
         for k in range(1, len(parts)):
@@ -116,8 +134,8 @@ class InTurn:
                 )
         self._parts = list(parts)
         ends = list(accumulate(part.duration for part in parts))
-        self.starts = (0.0, *ends[:-1])  # [s] when each begins
-        self.duration = ends[-1]  # [s] of all of them
+        self.starts = (0.0, *ends[:-1])  # [s] of the parts
+        self.duration = ends[-1]  # [s] of all parts
 
     def __call__(self, t: float) -> Reference:
         """Return the reference at `t` [s]."""
@@ -139,15 +157,20 @@ class InTurn:
         return out[0], out[1], out[2]
 
     def _local(self, k: int, t: float) -> float:
-        """Return the time since part k began; at the end of all, its very end, whatever the sums round to."""
+        """Return the time since the start of part k; at the end of all, exactly its duration, free of rounding."""
         return self._parts[k].duration if t >= self.duration else t - self.starts[k]
 
 
 class Embedded(SampledTrajectory):
-    """A trajectory of the joints numbered `joints`, the others held at `q_hold`."""
+    """Trajectory of some of a robot's joints, the others at rest.
+
+    Args:
+        trajectory: Of m joints.
+        joints: Indices of these m joints among the robot's n, all different.
+        q_hold: (n,) positions of the joints at rest [rad|m].
+    """
 
     def __init__(self, trajectory: Trajectory, joints: Sequence[int], q_hold: ArrayLike) -> None:
-        """Place a trajectory at the numbers `joints` of a robot's, which stand at q_hold (n,) [rad or m]."""
         self._trajectory, self._joints, self.duration = trajectory, list(joints), trajectory.duration
         self._hold = as_array("q_hold", q_hold, (None,)).copy()
         moving, n = len(trajectory(0.0).q), len(self._hold)

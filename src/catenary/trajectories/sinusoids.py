@@ -1,9 +1,9 @@
 """Independent random motion: each joint swings between the ends of its range at random speeds.
 
-Joint-calibration paper, section IV-A, "random sinusoidal joint movement": all joints on their own, target and
-velocity drawn anew for each swing. It is the test motion of the paper and its six hours of operation. The
-paper calls the ranges predefined and prints none; these are its group's: turning points within 5 deg, 10 deg
-and 20 mm of the box's ends, speeds of 1.1 to 3 deg/s, 1.5 to 4 deg/s and 2.5 to 7 mm/s.
+Joint-calibration paper, section IV-A, "random sinusoidal joint movement": independent joints, target and velocity
+drawn for each swing. It is the paper's test motion, and that of its six hours of operation. The paper calls the ranges
+predefined and prints none; these are its group's: turning points within 5 deg, 10 deg and 20 mm of the box's ends,
+speeds of 1.1 to 3 deg/s, 1.5 to 4 deg/s and 2.5 to 7 mm/s.
 """
 
 import numpy as np
@@ -17,8 +17,8 @@ from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
 _TURNING_BANDS = frozen(np.array([np.deg2rad(5.0), np.deg2rad(10.0), 0.02]))  # [rad, rad, m]
 SLOWEST_SPEEDS = frozen(np.array([np.deg2rad(1.1), np.deg2rad(1.5), 0.0025]))  # [rad/s, rad/s, m/s]
 FASTEST_SPEEDS = frozen(np.array([np.deg2rad(3.0), np.deg2rad(4.0), 0.007]))
-_MAX_TIME_S = 1e8  # [s], three years: longer is a wrong unit, and its swings fill the memory
-TURN_TIME_S = 1.0  # [s], ours: the paper says that joints slow down, not how
+_MAX_TIME_S = 1e8  # [s], three years: longer ones are a wrong unit, and exceed the memory
+TURN_TIME_S = 1.0  # [s], ours: the paper states that joints slow down, not how
 
 
 def random_sinusoids(
@@ -34,16 +34,26 @@ def random_sinusoids(
 ) -> SmoothedPath:
     """Return an independent random motion of each joint, turning near the ends of its range.
 
-    A joint starts at rest at a random turning point near one end, crosses to a random point near the other at
-    a random constant speed, slows down to rest within `turn_time`, turns, and speeds up within `turn_time`.
-    Its last swing ends early, so that all joints come to rest at `duration`.
+    A joint starts at rest at a random turning point near one end, moves to a random point near the other at a random
+    constant speed, decelerates within `turn_time`, turns, and accelerates within `turn_time`. Its last swing ends
+    early, so that all joints come to rest at `duration`.
 
     Args:
-        duration: [s], from twice `turn_time` [s], positive, to _MAX_TIME_S.
-        lower: (n,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default; upper:
-            likewise.
-        turning_band: (n,) how far from the ends a joint may turn [rad or m]; 0 to half of its range.
-        slowest: (n,) least speed of a swing [rad/s or m/s], positive; fastest: its greatest.
+        duration: [s], twice `turn_time` to 1e8.
+        lower: (n,) lower ends of the ranges [rad|m]; the RAVEN-II's calibration box by default.
+        upper: (n,) upper ends.
+        turning_band: (n,) largest distance of turning points from the ends [rad|m], 0 to half of the range.
+        slowest: (n,) least speed of a swing [rad/s|m/s], positive.
+        fastest: (n,) largest speed.
+        turn_time: Time to decelerate to rest [s], positive.
+
+    Raises:
+        InputError: An argument is outside its range.
+
+    Example:
+        >>> motion = catenary.random_sinusoids(np.random.default_rng(0), 60.0)
+        >>> motion(60.0).qd
+        array([0., 0., 0.])
     """
     low = as_array("lower", lower, (None,))
     n = len(low)
@@ -71,7 +81,7 @@ def _swings(
     speeds: tuple[float, float],
     turn: float,
 ) -> BrokenLine:
-    """Draw one joint's line: it stands at every turning point for one blend, so that it comes to rest there."""
+    """Draw one joint's line, constant for one blend at every turning point, so that the joint comes to rest there."""
     stop = duration - turn  # where the line ends: the motion is at rest one blend later
     end = int(rng.integers(2))
 

@@ -1,14 +1,14 @@
-"""Broken lines in time with rounded corners, of which almost every trajectory is made; go-to; rows followed.
+"""Smooth joint paths: piecewise linear motions with blended corners, point-to-point motions, waypoints.
 
-Each joint has its own broken line: corners at times t_k, constant speed between them. The motion is that line
+Each joint has its own piecewise linear path: corners at times t_k, constant speed between them. The motion is that path
 averaged over a window of `blend` seconds,
 
     q(t) = integral of line(t + blend (1/2 - x)) w(x) over x in 0..1,    w(x) = 6 x (1 - x),
 
 so at a corner the velocity changes over `blend` seconds as the smoothstep 3 x² - 2 x³ does: position, velocity
-and acceleration are continuous. Since w is nowhere negative and its integral is 1, the motion never leaves the
-range of the line: joint limits that hold for the corners hold for it, velocity limits too.
-A lone corner where the velocity jumps by dv is passed at a distance of 3/32 |dv| blend, and the acceleration
+and acceleration are continuous. Since w is not negative and its integral is 1, the motion stays in the range of the
+line: joint limits that hold for the corners hold for it, velocity limits too.
+An isolated corner where the velocity jumps by dv is passed at a distance of 3/32 |dv| blend, and the acceleration
 there reaches 3/2 |dv| / blend.
 """
 
@@ -30,15 +30,15 @@ _BLEND_S = 0.5  # [s] of waypoints
 
 
 class BrokenLine(NamedTuple):
-    """One joint's line."""
+    """Piecewise linear path of one joint."""
 
-    times: ArrayLike  # (K,) [s] rising from when the motion sets off
-    points: ArrayLike  # (K,) [rad|m]; one point alone is a joint that rests
-    blend: float  # [s] over which the velocity changes at a corner, positive
+    times: ArrayLike  # (K,) [s] increasing, from the start of the motion
+    points: ArrayLike  # (K,) [rad|m]; a single point for a joint at rest
+    blend: float  # [s] duration of the velocity change at a corner, positive
 
 
 class _Lines(NamedTuple):
-    """All joints' lines, end to end; joint j has the corners from first[j] to first[j + 1]."""
+    """Lines of all joints, concatenated; joint j has the corners from first[j] to first[j + 1]."""
 
     first: NDArray[np.int64]  # (n + 1,)
     times: Floats  # [s]
@@ -48,10 +48,10 @@ class _Lines(NamedTuple):
 
 
 class SmoothedPath(SampledTrajectory):
-    """A trajectory along one broken line per joint, its corners rounded."""
+    """Trajectory along one piecewise linear path per joint, with blended corners."""
 
     def __init__(self, lines: Sequence[BrokenLine]) -> None:
-        """Take one line per joint."""
+        """Set one path per joint."""
         if not lines:
             raise InputError("lines: expected one for each joint, got none")
         times, points, slopes, blends = [], [], [], []
@@ -75,14 +75,14 @@ class SmoothedPath(SampledTrajectory):
 
     @classmethod
     def through(cls, times: ArrayLike, points: ArrayLike, blend: float) -> SmoothedPath:
-        """Return the path of joints that share their corners: times (K,) [s], points (K, n) [rad|m]."""
+        """Return the path through common corners of all joints: times (K,) [s], points (K, n) [rad|m], blend [s]."""
         t = as_array("times", times, (None,))
         rows = as_array("points", points, (len(t), None))
         return cls([BrokenLine(t, column, blend) for column in rows.T])
 
     @property
     def corner_distance(self) -> Floats:
-        """How far each joint passes from its corners at most, (n,) [rad|m], where they lie at least a blend apart."""
+        """Largest distance of each joint from its corners, (n,) [rad|m], if these are at least a blend apart."""
         first, times, points, _, blends = self._lines
         largest = np.zeros(len(blends))
         for j, blend in enumerate(blends):
@@ -135,13 +135,24 @@ def _evaluate_lines(lines: _Lines, times: Floats, q: Floats, qd: Floats, qdd: Fl
 def go_to(
     q_start: ArrayLike, q_goal: ArrayLike, *, max_velocity: ArrayLike, max_acceleration: ArrayLike
 ) -> SmoothedPath:
-    """Return the shortest smooth motion from rest at one joint position to rest at another, on a straight line.
+    """Return the fastest smooth motion along a straight line in joint space, from rest to rest.
 
     All joints arrive at the same time. The velocity rises and falls as a smoothstep over 3/2 v/a and is constant
-    between; where the way is too short to reach max_velocity v it turns to fall at once, at the greatest speed that
-    acceleration a allows.
+    between; over short distances it does not reach the largest velocity v, and its peak follows from acceleration a.
 
-    All are (n,), in rad or m and seconds; both bounds are positive.
+    Args:
+        q_start: (n,) [rad|m].
+        q_goal: (n,) [rad|m].
+        max_velocity: (n,), positive [rad/s|m/s].
+        max_acceleration: (n,), positive [rad/s2|m/s2].
+
+    Returns:
+        Trajectory that ends at `q_goal` after its `duration`.
+
+    Example:
+        >>> motion = catenary.go_to([0.0, 0.0], [0.5, 0.2], max_velocity=[1.0, 1.0], max_acceleration=[2.0, 2.0])
+        >>> motion(motion.duration).q
+        array([0.5, 0.2])
     """
     start = as_array("q_start", q_start, (None,))
     n = len(start)
@@ -166,12 +177,14 @@ def go_to(
 
 
 def follow_waypoints(points: ArrayLike, *, speed: ArrayLike) -> SmoothedPath:
-    """Return a motion along rows of joint positions, the joint that has farthest to go moving at its speed.
+    """Return a motion along waypoints, as fast as the slowest joint of each segment allows.
 
-    It passes near the rows, not through them: its velocity is that of the straight way from row to row,
-    averaged over `_BLEND_S` seconds; `corner_distance` says how near. No joint moves faster than its `speed` (n,)
-    [rad/s or m/s], nor accelerates by more than 3 speed / _BLEND_S. Of the points (N, n) [rad or m] those
-    equal to the one before are left out.
+    It passes near the points, not through them (`corner_distance`): its velocity is that of the straight segments,
+    averaged over `_BLEND_S` seconds. Accelerations are at most 3 speed / _BLEND_S.
+
+    Args:
+        points: (N, n) joint positions [rad|m]; repeated ones are skipped.
+        speed: (n,) largest speed of each joint, positive [rad/s|m/s].
     """
     rows = as_array("points", points, (None, None))
     if len(rows) == 0 or rows.shape[1] == 0:

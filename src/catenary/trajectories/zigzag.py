@@ -2,19 +2,19 @@
 
 Joint-calibration paper, section II-B, equations 1 to 5, and the authors' generator (uw-biorobotics/
 raven2_CRTK_Python_controller @ c83e669, traj_generator/run_snake_generator.py). In the unit cube the path sweeps x
-from side to side, moves on by the sparsity in y after each sweep, and, when y is through, by the sparsity in z; y then
-goes back the other way. A rotation about the cube's middle turns x into the direction wanted, a scale brings the
-cube into the joints' ranges: along J2-J3 the sweeps follow the diagonal of joints 2 and 3, the moves between them
-take joint 1 backwards, and back again in the next layer.
+from side to side, advances by the sparsity in y after each sweep, and, at the end of y, by the sparsity in z; y then
+returns. A rotation about the cube's centre turns x into the desired direction, and a scale maps the cube to the joints'
+ranges: along J2-J3 the sweeps follow the diagonal of joints 2 and 3, the moves between them move joint 1 backwards,
+and back again in the next layer.
 
 Where the sources are silent or disagree:
-- J1, J1-J2 and J1-J2-J3 were published as files too, which `zigzag_rows` equals row for row; the others are the
-  generator's by its text, J2 also by equation 1.
+- J1, J1-J2 and J1-J2-J3 were published as files too, which `zigzag_rows` equals row for row; the others follow the
+  generator's text, J2 also equation 1.
 - J1-J2-J3 was published in three forms, see `Form`.
 - Single and double directions cover the equal volume of equations 4 and 5, for which the generator's scales and
   the divisions by sqrt 2 after its rotations come to 1/sqrt 3 of each joint's range. The generator and the
   files stretch J1-J2-J3 beyond that, by 1.15 and 1.22.
-- The path ends on the way to one more layer, 5 % beyond the cube: it is kept, as published.
+- The path ends within one more layer, 5 % beyond the cube: it is kept, as published.
 """
 
 from collections.abc import Sequence
@@ -40,11 +40,11 @@ CALIBRATION_LOWER = frozen(np.array([np.deg2rad(20.0), np.deg2rad(55.0), 0.33]))
 CALIBRATION_UPPER = frozen(np.array([np.deg2rad(60.0), np.deg2rad(110.0), 0.42]))
 
 ROWS_PER_SECOND = 64.3  # 65,164 rows of J2-J3 at 1/2 + 1/3 + 1/4 take the paper's 1013 s
-CORNER_BLEND_S = 0.5  # [s], ours: the paper asks for smooth velocity and states no number
+CORNER_BLEND_S = 0.5  # [s], ours: the paper requires smooth velocity and states no number
 MIN_SPARSITY = 0.01  # eleven million rows
 
 _STEP = 0.001  # of the unit cube, from row to row
-_END = 1.05  # of z: beyond it the path stops, wherever it is
+_END = 1.05  # of z, beyond which the path stops at any point
 _X, _Y, _Z = (turn(np.pi / 4.0) for turn in (rotation_about_x, rotation_about_y, rotation_about_z))
 _TURNS: dict[str, Floats] = {  # of the unit path about its middle
     "J1": np.eye(3),
@@ -57,7 +57,7 @@ _TURNS: dict[str, Floats] = {  # of the unit path about its middle
     "files": _X @ _Z,
     "paper": _Y @ _X,  # equation 3
 }
-# how far the unit path reaches along each axis before it is stretched to all of it, as its authors measured
+# range of the unit path along each axis before it is stretched to the whole cube, as measured by its authors
 _REACH = {
     "generator": ((0.0668181961291, 0.933590052161), (0.0, 1.0), (0.0669872981078, 0.934575650721)),
     "files": ((0.09093521295520893, 0.9082482904638634), (0.0, 1.0), (0.0, 1.0)),
@@ -69,7 +69,7 @@ def unit_zigzag(sparsity: float) -> Floats:
     """Return the path in the unit cube, sweeping along its first axis, as rows (rows, 3) 0.001 apart.
 
     The sparsity, 0.01 to 1, is the distance between sweeps, rounded up to a multiple of 0.001; the largest coordinates
-    exceed 1 by what it does not divide.
+    exceed 1 if it does not divide 1.
     """
     moves = _unit_moves(sparsity)
     rows = np.zeros((_corner_rows(moves)[-1] + 1, 3))
@@ -94,19 +94,29 @@ def zigzag(
     rows_per_second: float = ROWS_PER_SECOND,
     blend: float = CORNER_BLEND_S,
 ) -> SmoothedPath:
-    """Return zig-zag paths one after the other, with continuous position, velocity and acceleration.
+    """Return zig-zag paths in sequence, with continuous position, velocity and acceleration.
 
-    The corners are rounded over `blend` seconds: at the defaults the motion stays within 0.14 deg or 0.23 mm of
-    the published path (`corner_distance` says how far), and passes its rows half a blend later. Between two
-    paths it comes to rest at the end of the first, goes straight to the start of the next, no joint faster
-    than in the sweeps, and comes to rest there: each path is as it would be alone.
+    The corners are blended: at the defaults the motion stays within 0.14 deg or 0.23 mm of the published path
+    (`corner_distance`), and passes its rows half a blend later. Between two paths it comes to rest at the end of the
+    first, moves straight to the start of the next, no joint faster than in the sweeps, and comes to rest there: each
+    path is the same as alone.
 
     Args:
-        sparsities: Distance between sweeps in the unit cube, of each path, 0.01 to 1.
-        form: Of J1-J2-J3; the other directions have one form, `generator`.
-        lower: (3,) lower end of the joints' ranges [rad or m]; the RAVEN-II's calibration box by default; upper:
-            likewise.
-        rows_per_second: Speed: how many rows of `zigzag_rows` are played in a second.
+        direction: Joints along which the sweeps move: J1, J2, J3, J1-J2, J2-J3, J1-J3 or J1-J2-J3.
+        sparsities: Distance between sweeps in the unit cube for each path, 0.01 to 1.
+        form: Of J1-J2-J3: generator, files or paper; the other directions have only generator.
+        lower: (3,) lower ends of the ranges [rad|m]; the RAVEN-II's calibration box by default.
+        upper: (3,) upper ends.
+        rows_per_second: Speed in rows of `zigzag_rows`.
+        blend: Duration of the velocity change at a corner [s].
+
+    Raises:
+        InputError: An unknown direction or form, or an argument outside its range.
+
+    Example:
+        >>> motion = catenary.zigzag("J2-J3", [0.5])
+        >>> round(motion.duration, 1)
+        203.5
     """
     matrix, shift = _placement(direction, form, lower, upper)
     rate = float(as_positive("rows_per_second", rows_per_second))
@@ -132,7 +142,12 @@ def zigzag(
 
 
 def check_direction(direction: str, form: str = "generator") -> None:
-    """Refuse a direction that does not exist, or a form that it does not have."""
+    """Refuse an unknown direction, or a form that it does not have.
+
+    Args:
+        direction: One of DIRECTIONS.
+        form: "generator"; of J1-J2-J3 also "files" or "paper".
+    """
     if direction not in DIRECTIONS:
         raise InputError(f"direction: expected one of {', '.join(DIRECTIONS)}, got {direction!r}")
     if form not in _FORMS:
@@ -142,7 +157,7 @@ def check_direction(direction: str, form: str = "generator") -> None:
 
 
 def _placement(direction: str, form: str, lower: ArrayLike, upper: ArrayLike) -> tuple[Floats, Floats]:
-    """Return the matrix (3, 3) and shift (3,) that take the unit cube's path to joint positions."""
+    """Return the matrix (3, 3) and shift (3,) that map the unit cube's path to joint positions."""
     check_direction(direction, form)
     low, high = as_array("lower", lower, (3,)), as_array("upper", upper, (3,))
     if not (low < high).all():
@@ -159,7 +174,7 @@ def _placement(direction: str, form: str, lower: ArrayLike, upper: ArrayLike) ->
 def _unit_moves(sparsity: float) -> NDArray[np.int64]:
     """Return the straight moves of the unit path, (moves, 3) steps along each axis: all but one are 0.
 
-    0.001 is added up in floating point, as the published generator does: it decides the number of rows.
+    Steps of 0.001 are summed in floating point, as in the published generator, which determines the number of rows.
     """
     s = float(as_array("sparsity", sparsity, ()))
     if not MIN_SPARSITY <= s <= 1.0:
@@ -181,5 +196,5 @@ def _unit_moves(sparsity: float) -> NDArray[np.int64]:
 
 
 def _corner_rows(moves: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the indices of the rows where the path turns, first and last row included."""
+    """Return the row indices of the path's corners, first and last row included."""
     return np.append(0, np.cumsum(np.abs(moves).sum(axis=1)))

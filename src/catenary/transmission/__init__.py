@@ -1,1 +1,1 @@
-"""What lies between a motor and its joint, coupling, elasticity (with hysteresis and creep), friction, drift."""
+"""Cable transmission from motors to joints: coupling, elasticity with hysteresis and creep, friction, drift."""

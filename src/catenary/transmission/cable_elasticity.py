@@ -1,4 +1,4 @@
-"""What joints wind up of cables; a cable as a spring behind a backlash, with a memory: hysteresis, creep, and wear."""
+"""Cable coupling of joints, and a cable as a spring with backlash, hysteresis, creep, permanent set and wear."""
 
 import math
 
@@ -8,13 +8,21 @@ from catenary.kernels.compiled import inlined
 
 @inlined
 def winding_of(coupling: Numbers, q: Numbers) -> Vector:
-    """Return the winding of each cable at joint positions (or velocities) q (3,)."""
+    """Return the cable winding at joint positions, or its rate at joint velocities.
+
+    Args:
+        coupling: c01, c02, c12 [rad/rad, m/rad, m/rad].
+        q: (3,) joint positions [rad, rad, m] or velocities.
+
+    Returns:
+        (q0, q1 + c01 q0, q2 + c02 q0 + c12 q1), in joint units.
+    """
     return q[0], q[1] + coupling[0] * q[0], q[2] + coupling[1] * q[0] + coupling[2] * q[1]
 
 
 @inlined
 def joints_of(coupling: Numbers, winding: Vector) -> Vector:
-    """Return the joint positions (or velocities) at which the cables have the given winding."""
+    """Return the joint positions (or velocities) of a winding (3,): the inverse of `winding_of`."""
     first = winding[0]
     second = winding[1] - coupling[0] * first
     return first, second, winding[2] - coupling[1] * first - coupling[2] * second
@@ -22,7 +30,15 @@ def joints_of(coupling: Numbers, winding: Vector) -> Vector:
 
 @inlined
 def joint_forces(coupling: Numbers, tension: Vector) -> Vector:
-    """Return the joint torques of cable tensions [Nm or N]: the transpose of `winding_of`, so that power is kept."""
+    """Return the joint torques of cable tensions: the transpose of `winding_of`, which conserves power.
+
+    Args:
+        coupling: c01, c02, c12.
+        tension: (3,) in joint units [Nm, Nm, N].
+
+    Returns:
+        (3,) [Nm, Nm, N].
+    """
     return (
         tension[0] + coupling[0] * tension[1] + coupling[1] * tension[2],
         tension[1] + coupling[2] * tension[2],
@@ -32,18 +48,18 @@ def joint_forces(coupling: Numbers, tension: Vector) -> Vector:
 
 @inlined
 def tensions_for(coupling: Numbers, force: Numbers) -> Vector:
-    """Return the cable tensions that give joint torques (3,): the inverse of `joint_forces`."""
+    """Return the cable tensions (3,) of joint torques (3,) [Nm, Nm, N]: the inverse of `joint_forces`."""
     third = force[2]
     second = force[1] - coupling[2] * third
     return force[0] - coupling[0] * second - coupling[1] * third, second, third
 
 
-LARGEST_LOSS = 0.3  # of the stiffness
+MAX_LOSS = 0.3  # relative loss of stiffness
 
 
 @inlined
 def beyond_backlash(stretch: float, width: float) -> float:
-    """Return the stretch that the cable feels beyond a backlash of total width `width`; zero inside it."""
+    """Return the stretch beyond a backlash of total width `width` (same unit); zero inside it."""
     half = 0.5 * width
     if stretch > half:
         return stretch - half
@@ -84,8 +100,12 @@ def bouc_wen_step(state: float, stretching: float, width: float) -> float:
     """Return the Bouc-Wen state after the stretch has grown by `stretching`.
 
     dz = ds / w (1 - |z| (1/2 sgn(ds z) + 1/2)): unloading follows a straight line to zero, loading nears 1
-    exponentially. Both are solved exactly, so only the path counts, not the steps in which it is taken, and z stays
-    between -1 and 1. state is z before, stretching ds and width w, the stretch at which it yields [rad or m].
+    exponentially. Both are solved exactly: the result depends on the path, not on the steps, and |z| <= 1.
+
+    Args:
+        state: z before, -1 to 1.
+        stretching: ds [rad or m].
+        width: w, the stretch at yield [rad or m].
     """
     side = 1.0 if stretching >= 0.0 else -1.0
     way = abs(stretching) / width
@@ -100,7 +120,14 @@ def bouc_wen_step(state: float, stretching: float, width: float) -> float:
 
 @inlined
 def maxwell_step(slow_stretch: float, stretch: float, step: float, time_constant: float) -> float:
-    """Return the stretch that a Maxwell branch has relaxed, `step` [s] later: ds_v/dt = (s - s_v) / time_constant."""
+    """Return the relaxed stretch of a Maxwell branch after a step: ds_v/dt = (s - s_v) / time_constant.
+
+    Args:
+        slow_stretch: s_v before [rad or m].
+        stretch: s [rad or m].
+        step: Duration [s].
+        time_constant: [s].
+    """
     return slow_stretch + (stretch - slow_stretch) * step / time_constant
 
 
@@ -108,35 +135,57 @@ def maxwell_step(slow_stretch: float, stretch: float, step: float, time_constant
 def set_rate(
     tension: float, reference: float, side: float, speed: float, slack: float, rate: float, most: float
 ) -> float:
-    """Return the rate at which a cable's permanent set grows [rad/s or m/s].
+    """Return the growth rate of a cable's permanent set [rad/s or m/s].
 
-    d(set)/dt = rate (1/2 + side T / T_ref) |dq/dt| (1 - |set| / most): by travel, more under tension, ever slower. side
-    is 1 or -1, the way in which the cable is laid; slack the set so far, most the largest [rad or m].
+    d(set)/dt = rate (1/2 + side T / T_ref) |dq/dt| (1 - |set| / most): with travel, faster under tension, saturating.
+
+    Args:
+        tension: T [Nm or N].
+        reference: T_ref [Nm or N].
+        side: 1 or -1, direction in which the cable is laid.
+        speed: |dq/dt| of the joint.
+        slack: Set so far [rad or m].
+        rate: Set per travel, initially.
+        most: Largest set [rad or m].
     """
     return rate * (0.5 + side * tension / reference) * speed * (1.0 - abs(slack) / most)
 
 
 @inlined
 def loss_rate(tension: float, reference: float, speed: float, loss: float, rate: float) -> float:
-    """Return the rate at which the lost share of stiffness grows [1/s]: by travel under tension, 0.3 at most."""
-    return rate * abs(tension / reference) * speed * (1.0 - loss / LARGEST_LOSS)
+    """Return the growth rate of the relative loss of stiffness [1/s]: with travel under tension, up to `MAX_LOSS`.
+
+    Args:
+        tension: [Nm or N].
+        reference: Tension at which the loss grows by `rate` per travel [Nm or N].
+        speed: Of the joint.
+        loss: So far, 0 to MAX_LOSS.
+        rate: Loss per travel [1/rad or 1/m].
+    """
+    return rate * abs(tension / reference) * speed * (1.0 - loss / MAX_LOSS)
 
 
-SPREAD = 2147483647.0  # of random numbers 16807 x modulo 2^31 - 1 [Park and Miller 1988]; exact in doubles
+RANDOM_MODULUS = 2147483647.0  # of random numbers 16807 x modulo 2^31 - 1 [Park and Miller 1988]; exact in doubles
 
 
 @inlined
 def next_draw(number: float) -> float:
-    """Return the next random number, a whole one between 1 and SPREAD - 1, after one of the same kind."""
-    return (16807.0 * number) % SPREAD
+    """Return the next pseudo-random number after `number`, both integers from 1 to RANDOM_MODULUS - 1."""
+    return (16807.0 * number) % RANDOM_MODULUS
 
 
 @inlined
-def wandered(slack: float, number: float, way: float, wander: float, most: float) -> float:
-    """Return a cable's permanent set after its joint has gone a way: strands seat anew, either way as likely.
+def wander_step(slack: float, number: float, way: float, wander: float, most: float) -> float:
+    """Return a cable's permanent set after a random-walk step by travel, as strands settle.
 
-    Var(d set) = wander^2 |way|, by travel whatever its speed, less as the set nears `most`. number is a random one as
-    `next_draw` gives it; wander in rad or m per square root of travel.
+    Var(d set) = wander^2 |way|, independent of speed, less as the set nears `most`.
+
+    Args:
+        slack: Set so far [rad or m].
+        number: Random number from `next_draw`.
+        way: Travel of the joint [rad or m].
+        wander: [rad or m per square root of travel].
+        most: Largest set [rad or m].
     """
-    kick = 3.4641016151377544 * (number / SPREAD - 0.5)  # of variance 1
+    kick = 3.4641016151377544 * (number / RANDOM_MODULUS - 0.5)  # of variance 1
     return slack + wander * math.sqrt(abs(way)) * kick * max(0.0, 1.0 - abs(slack) / most)

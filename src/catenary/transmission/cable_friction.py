@@ -1,14 +1,14 @@
-"""The cable's friction: Coulomb friction by impulses, which stops exactly what it can, and springs with dry friction.
+"""Cable friction: Coulomb friction by impulses with exact stiction, and coupled springs with dry friction (play).
 
-Springs K lie between motors at x (n,) and the joints at z, without speed or time. At every step z minimises
+Springs K connect motors at x (n,) with the joints at z; the model is rate-independent. At every step z minimises
 
     1/2 (x - z)' K (x - z) + sum_k mu_k |a_k . (z - z_before)|
 
 The friction elements k have directions a_k in the joints' coordinates and thresholds mu_k. Their forces s_k stay within
--mu_k and mu_k, and z = x - C A' s with the compliance C = K^-1: a joint lags by what its forces stretch. Where one
-joint's element is all there is, z is a play operator of half-width mu C [Brokate and Sprekels 1996]; an element that
-several joints share, or springs that couple them, let one joint drag another. What slips is found by projected
-Gauss-Seidel on the elements, whose mutual compliance is G = A C A' [the maximum dissipation principle; Moreau 1988].
+-mu_k and mu_k, and z = x - C A' s with the compliance C = K^-1: a joint lags by the stretch of its springs. With a
+single element on one joint, z is a play operator of half-width mu C [Brokate and Sprekels 1996]; elements on several
+joints, or coupled springs, let one joint drag another. Slip is computed by projected Gauss-Seidel on the elements,
+whose mutual compliance is G = A C A' [the maximum dissipation principle; Moreau 1988].
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from catenary.kernels.compiled import compiled, inlined
 
 @inlined
 def coulomb(velocity: float, most: float) -> float:
-    """Return the velocity after friction that can change it by at most `most` has acted; zero if it can stop it."""
+    """Return the velocity after friction, which reduces its magnitude by at most `most`; zero if friction stops it."""
     if velocity > most:
         return velocity - most
     if velocity < -most:
@@ -34,21 +34,32 @@ def coulomb(velocity: float, most: float) -> float:
 
 @inlined
 def dragged(force: float, moved: float, stiffness: float, most: float) -> float:
-    """Return the force [Nm or N] on a spring that ends in dry friction, after its other end has moved [rad or m].
+    """Return the force of a Jenkins element, a spring in series with dry friction, after a motion of its free end.
 
-    A Jenkins element: it sticks and winds up, and slips at `most`. That is one element of `coupled_friction` on one
-    joint, whose play operator it drives.
+    Equals `coupled_friction` with one element on one joint.
+
+    Args:
+        force: Before the motion [Nm or N].
+        moved: Motion [rad or m].
+        stiffness: [Nm/rad or N/m].
+        most: Force at which it slips [Nm or N].
     """
     return min(max(force + stiffness * moved, -most), most)
 
 
 @inlined
 def coulomb_coupled(inverse_inertia: Numbers, impulse: Numbers, velocity: Numbers, given: Numbers, sweeps: int) -> None:
-    """Let friction act on coupled joints, by projected Gauss-Seidel on the inverse inertia A (n, n).
+    """Apply Coulomb friction to coupled joints, by projected Gauss-Seidel.
 
-    Finds impulses p, |p_j| <= impulse_j (friction times the step), so that velocity - A p, which overwrites it, is zero
-    or opposed to p_j at its bound [the maximum dissipation principle; Moreau 1988]. The search starts at `given` (n,),
-    overwritten with p.
+    Computes impulses p, |p_j| <= impulse_j, such that each entry of v - A p is zero, or has the sign of p_j at its
+    bound [the maximum dissipation principle; Moreau 1988].
+
+    Args:
+        inverse_inertia: A (n, n).
+        impulse: (n,) friction times the step.
+        velocity: v (n,), overwritten with v - A p.
+        given: (n,) initial guess, overwritten with p.
+        sweeps: Largest number of iterations.
     """
     n = len(velocity)
     for j in range(n):
@@ -71,21 +82,21 @@ def coulomb_coupled(inverse_inertia: Numbers, impulse: Numbers, velocity: Number
             break
 
 
-SWEEPS = 100  # at most, over the elements; where all stick or all slip, the first one settles them
+_MAX_SWEEPS = 100  # over the elements; one is enough if all stick or all slip
 
 
 @inlined
 def drag(
-    moved: Numbers,  # (n,) by how much the motors move
-    parts: int,  # steps that the line is split into
+    moved: Numbers,  # (n,) motion of the motors
+    parts: int,  # number of steps
     directions: Numbers,  # A (m, n)
     mutual: Numbers,  # G (m, m)
-    hold: Numbers,  # (m, n) forces per motion of the motors while nothing slips, G^-1 A
+    hold: Numbers,  # (m, n) forces per motion of the motors in stiction, G^-1 A
     thresholds: Numbers,  # (m,) largest forces
     forces: Numbers,  # (m,) s, overwritten
     slip: Numbers,  # (m,) working memory
 ) -> None:
-    """Let motors move along a straight line, and friction forces (m,) follow."""
+    """Update friction forces (m,) for a motion of the motors along a straight line."""
     m = len(forces)
     for _ in range(parts):
         for k in range(m):
@@ -94,15 +105,15 @@ def drag(
                 slip[k] = slip[k] + directions[k, j] * moved[j] / parts
             for i in range(m):
                 slip[k] = slip[k] + mutual[k, i] * forces[i]
-        for k in range(m):  # the search starts where nothing slips
+        for k in range(m):  # initial guess: no slip
             for j in range(len(moved)):
                 forces[k] = forces[k] + hold[k, j] * moved[j] / parts
-        coulomb_coupled(mutual, thresholds, slip, forces, SWEEPS)
+        coulomb_coupled(mutual, thresholds, slip, forces, _MAX_SWEEPS)
 
 
 @inlined
 def parts_of(moved: Numbers, longest: Numbers) -> int:
-    """Return how many equal steps of a motion (n,) are none longer than `longest` (n,); none where nothing moves."""
+    """Return the number of equal steps of a motion (n,) that are at most `longest` (n,); 0 without motion."""
     share = 0.0
     for j in range(len(moved)):
         share = max(share, abs(moved[j]) / longest[j])
@@ -111,7 +122,13 @@ def parts_of(moved: Numbers, longest: Numbers) -> int:
 
 @compiled
 def lag_of(joint: int, lever: Floats, forces: Floats) -> float:
-    """Return z - x of a joint under the friction elements' forces (m,)."""
+    """Return z - x of a joint under the friction elements' forces.
+
+    Args:
+        joint: Index of the joint.
+        lever: C A' (n, m).
+        forces: (m,) of the elements.
+    """
     lag = 0.0
     for k in range(len(forces)):
         lag -= lever[joint, k] * forces[k]
@@ -126,11 +143,11 @@ def drag_state(
     mutual: Floats,  # (m, m)
     hold: Floats,  # (m, n)
     thresholds: Floats,  # (S, m)
-    state: Floats,  # (n + S m,) the positions before, and every system's forces
+    state: Floats,  # (n + S m,) positions before, and forces of every system
     moved: Floats,  # (n,) working memory; also the following
     slip: Floats,  # (m,)
 ) -> None:
-    """Carry a state on to new positions (n,); one that is NaN begins there without forces."""
+    """Advance a state to new motor positions (n,); a state of NaN starts there without forces."""
     n, m = len(moved), len(slip)
     if np.isnan(state[0]):
         for i in range(len(state)):
@@ -166,17 +183,17 @@ def drag_along(
 
 
 class CoupledFriction(NamedTuple):
-    """Springs and friction elements of n joints, in units that fit together; see `coupled_friction`."""
+    """Springs and friction elements of n joints, in consistent units; see `coupled_friction`."""
 
-    longest: Floats  # (n,) a longer step is split
+    longest: Floats  # (n,) longest step; longer ones are split
     directions: Floats  # A (m, n)
     mutual: Floats  # G = A C A' (m, m)
-    hold: Floats  # (m, n) forces per motion of the motors while nothing slips: G^+ A
-    lever: Floats  # C A' (n, m) how far forces stretch the springs
-    thresholds: Floats  # (S, m) of S systems that differ in nothing else
+    hold: Floats  # (m, n) forces per motion of the motors in stiction: G^+ A
+    lever: Floats  # C A' (n, m) stretch of the springs per force
+    thresholds: Floats  # (S, m) of S systems that are equal otherwise
 
     def lag(self, x: Floats) -> Floats:
-        """Return z - x along a path x (N, n) that begins without forces, (N, S, n)."""
+        """Return z - x (N, S, n) along a path x (N, n) of the motors, from zero forces."""
         x = as_array("positions", x, (None, len(self.longest)))
         lag = np.empty((len(x), len(self.thresholds), x.shape[1]))
         drag_along(x, *self, np.full(x.shape[1] + self.thresholds.size, np.nan), lag.reshape(len(x), -1))
@@ -186,10 +203,13 @@ class CoupledFriction(NamedTuple):
 def coupled_friction(
     compliance: ArrayLike, directions: ArrayLike, thresholds: ArrayLike, longest: ArrayLike
 ) -> CoupledFriction:
-    """Return springs and friction elements, their constants computed.
+    """Create coupled springs and friction elements.
 
-    The compliance C = K^-1 (n, n) is symmetric and positive definite, directions A (m, n) have a row for each element,
-    thresholds (S, m) are those of S systems, `longest` (n,) is the longest step of each motor that is taken at once.
+    Args:
+        compliance: C = K^-1 (n, n), symmetric and positive definite.
+        directions: A (m, n), one row per element, none zero.
+        thresholds: (S, m) largest forces, 0 or more, of S systems that differ only in these.
+        longest: (n,) longest step of each motor, positive; longer ones are split.
     """
     longest = as_array("longest", longest, (None,))
     n = len(longest)

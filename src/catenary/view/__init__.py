@@ -1,1 +1,1 @@
-"""The live picture in a browser: an arm, where it is reported, calibrated and true, and what it feels."""
+"""Live 3D view in a browser: reported, calibrated and true arm, gravity, curves, controls of a simulated arm."""

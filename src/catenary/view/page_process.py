@@ -1,4 +1,4 @@
-"""The page in its own process: states go in, changes of controls come out, neither side waits."""
+"""The view's page in its own process: sends states, receives changes of controls, without blocking."""
 
 import contextlib
 import multiprocessing
@@ -16,26 +16,26 @@ from typing import Self
 from catenary.errors import CatenaryError, InputError, MissingPackageError, to_install
 from catenary.monitor import Snapshot
 from catenary.operating_system import takes_more
-from catenary.view.shown import Change, Shown, Value
+from catenary.view.shown import Change, PageContent, Value
 from catenary.view.viser_page import ViserPage, open_server
 
 _DRAW_HZ = 20.0
-_WRITE_EVERY_PICTURES, _PLOT_EVERY_PICTURES = 5, 10  # pictures between two updates of words, of curves and paths
+_WRITE_EVERY_PICTURES, _PLOT_EVERY_PICTURES = 5, 10  # frames between two updates of text, of curves and paths
 _START_WITHIN_S = 120.0  # [s]
 _FIRST_PORT = 8080
-_SHOWN_NOTES, _WORD_CHARACTERS = 6, 140  # of what the program says; characters of each
+_SHOWN_NOTES, _WORD_CHARACTERS = 6, 140  # number and length of displayed notes
 
 
 class PageProcess:
-    """A page in a process of its own while it is entered; its `url` can be opened before `open` says what it shows."""
+    """Process of a page, as a context manager; its `url` is valid before `open` sets the content."""
 
     def __init__(self, *, port: int = _FIRST_PORT) -> None:
-        """Take a port of 127.0.0.1; the next free one where it is taken."""
+        """Set the port of 127.0.0.1, or the next free one."""
         if not 1024 <= port <= 65535:
             raise InputError(f"--port: expected 1024 to 65535, got {port}")
         if find_spec("viser") is None:
             raise MissingPackageError(f"catenary view needs viser, which is not installed: {to_install('view')}")
-        # a fresh interpreter: a fork would take the loop's threads and compiled code along
+        # a new interpreter: a fork would copy the loop's threads and compiled code
         context = multiprocessing.get_context("spawn")
         self._pipe, self._theirs = context.Pipe()
         self._process = context.Process(target=_run_page, args=(self._theirs, port), daemon=True, name="catenary view")
@@ -44,15 +44,15 @@ class PageProcess:
 
     @property
     def url(self) -> str:
-        """Address of the page, which is empty until `open`; whoever knows it can do what the page can."""
+        """Address of the page, with its access token; the page is empty until `open`."""
         if self._url is None:
             self._url = self._answer()
         return self._url
 
-    def open(self, shown: Shown) -> str:
+    def open(self, shown: PageContent) -> str:
         """Show an arm, and return the address of the page."""
         url = self.url
-        with contextlib.suppress(OSError):  # the answer says so
+        with contextlib.suppress(OSError):  # reported by the answer
             self._pipe.send(shown)
         self._answer()
         self._is_open = True
@@ -71,22 +71,22 @@ class PageProcess:
 
     @property
     def is_running(self) -> bool:
-        """Whether the page is still there."""
+        """The page's process is alive."""
         return self._process.is_alive()
 
     def put(self, state: Snapshot, values: Mapping[str, Value] = MappingProxyType({})) -> None:
-        """Show a state, and values of controls, unless the page has not taken what was sent before."""
+        """Show a state, and values of controls, unless the page has not received the last one."""
         if self._is_open and takes_more(self._pipe):
-            with contextlib.suppress(OSError):  # a page that is gone shows nothing
+            with contextlib.suppress(OSError):  # the page has ended
                 self._pipe.send((shortened(state), dict(values)))
 
     def changes(self) -> list[Change]:
-        """Return what was changed on the page since the last call."""
-        found: list[Change] = []
-        with contextlib.suppress(OSError, EOFError):  # a page that is gone changes nothing
+        """Return the changes of controls since the last call."""
+        changes: list[Change] = []
+        with contextlib.suppress(OSError, EOFError):  # the page has ended
             while self._pipe.poll():
-                found.append(Change(*self._pipe.recv()))
-        return found
+                changes.append(Change(*self._pipe.recv()))
+        return changes
 
     def close(self) -> None:
         """End the process."""
@@ -110,8 +110,8 @@ class PageProcess:
 
 
 def _run_page(pipe: Connection, port: int) -> None:
-    """Draw the states that come until the other side ends or is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the program's, which then ends this process
+    """Draw received states until the other side ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is handled by the parent, which ends this process
     sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # viser prints a box
     lock = threading.Lock()
 
@@ -126,7 +126,7 @@ def _run_page(pipe: Connection, port: int) -> None:
         if shown is None:
             server.stop()
             return
-        with lock:  # a browser that is there already tells nothing before the answer
+        with lock:  # no change is sent before the answer
             page = ViserPage(shown, server, tell)
             pipe.send((False, ""))
     except EOFError:
@@ -140,9 +140,9 @@ def _run_page(pipe: Connection, port: int) -> None:
 
 
 def shortened(state: Snapshot) -> Snapshot:
-    """Return a state whose words take little room, whatever a robot's or a file's names are."""
+    """Return a state with truncated texts, whatever the names of a robot or a file."""
 
-    def cut(text: str) -> str:  # without what is none, as in a file's name
+    def cut(text: str) -> str:  # without undecodable characters, as in a file's name
         return text[:_WORD_CHARACTERS].encode(errors="replace").decode()
 
     return state._replace(
@@ -151,11 +151,11 @@ def shortened(state: Snapshot) -> Snapshot:
     )  # fmt: skip
 
 
-Seen = tuple[Snapshot, dict[str, Value]]  # and values of controls that the program has set
+Seen = tuple[Snapshot, dict[str, Value]]  # state, and values of controls set by the program
 
 
 def newest(pipe: Connection) -> Seen | None:
-    """Return what has come last, None where nothing has; the end, which is told as None, is an EOFError."""
+    """Return the newest message, None without one; raise EOFError when the program has ended the page."""
     seen: Seen | None = None
     while pipe.poll():
         seen = pipe.recv()
@@ -165,7 +165,7 @@ def newest(pipe: Connection) -> Seen | None:
 
 
 def draw(page: ViserPage, take: Callable[[], Seen | None]) -> None:
-    """Draw states as they come, twenty times a second at most, and none while no browser is connected."""
+    """Draw states at up to 20 Hz, and none without a connected browser."""
     number = 0
     while True:
         begin = time.monotonic()

@@ -1,4 +1,4 @@
-"""What is shown and not driven: a robot on ROS, or a recording, played, with the way to its largest error."""
+"""Views without control: replay of a recording, with navigation to its largest error, and a watched robot on ROS."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -17,7 +17,7 @@ from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import ArmShapes, arm_shapes
-from catenary.view.shown import SPACING_S, Change, Control, ControlTab, Shown, Value
+from catenary.view.shown import SPACING_S, Change, Control, ControlTab, PageContent, Value
 from catenary.workflows.project.calibrate import RECOMMENDED, TEST, TRAIN
 from catenary.workflows.project.folder import project_settings
 from catenary.workflows.robot.operated_robot import OperatedRobot
@@ -25,24 +25,24 @@ from catenary.workflows.robot.snapshots import Corrected, corrected_rows, watch_
 
 _SPEEDS = ("1/4", "1", "4", "16", "64")
 _STATE_EVERY_S = 0.04  # [s] between two states
-_SLIDER_STEP_S = 0.25  # [s] between two places of the time line's slider
+_SLIDER_STEP_S = 0.25  # [s] between two updates of the time slider
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedArm:
-    """A robot's joints as a recording has them; joints that it does not have stay at zero."""
+    """A robot's joints over a recording; joints that are not recorded stay at zero."""
 
     model: RobotModel
-    rows: Mapping[str, Floats]  # as Curves has them (N, n), `inside` 0 outside, and `time` (N,); NaN: not known
+    rows: Mapping[str, Floats]  # arrays (N, n) of `Curves`, `inside` 0 outside, and `time` (N,); NaN: unknown
     simulated: bool
-    joints: tuple[int, ...]  # of the model's joints, those that the recording has
+    joints: tuple[int, ...]  # indices of the recorded joints
 
     def knows(self, name: str) -> bool:
-        """Return whether some row has numbers of a field."""
+        """Return true if any row has values of a field."""
         return bool(np.isfinite(self.rows[name]).any())
 
     def worst_row(self, joint: int) -> int | None:
-        """Return where the best that is known, calibrated or reported, is farthest off; None without truth."""
+        """Return the row of the largest error of calibrated, or else reported, positions; None without truth."""
         known = self.rows["calibrated" if self.knows("calibrated") else "q"]
         error = np.abs(known - self.rows["true"])[:, joint]
         return int(np.nanargmax(error)) if np.isfinite(error).any() else None
@@ -60,15 +60,23 @@ class RecordedArm:
         )  # fmt: skip
 
     def columns(self) -> dict[str, Floats]:
-        """Return what is drawn as curves, no closer than SPACING_S."""
+        """Return the columns for curves, at intervals of at least SPACING_S."""
         kept = np.flatnonzero(np.diff(np.floor(self.rows["time"] / SPACING_S), prepend=-1.0) != 0.0)
         return {name: column[kept] for name, column in self.rows.items()}
 
 
 def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | None = None) -> RecordedArm:
-    """Return a recording's rows as a robot's joints by name, others at zero, calibrated by a model of some.
+    """Map a recording to a robot's joints by name.
 
-    Gravity's torque is what holds the arm still on a level base; unknown where there are no torques to compare with.
+    Gravity torques are those on a level base; unknown without recorded torques to compare with.
+
+    Args:
+        log: Recording with time.
+        robot: Robot with some of its joints; the others are at zero.
+        model: Calibration model of some joints, if any.
+
+    Raises:
+        InputError: The recording has no time, or no joint of the robot.
     """
     if log.time is None:
         raise InputError(f'recording "{log.name}": has no time; it cannot be shown')
@@ -82,7 +90,7 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
     there = places_of(here, log, whose=f'recording "{log.name}"', of=f'robot "{robot.name}" has')
 
     def of(values: Floats | Flags | None, others: float = np.nan) -> Floats:
-        """Return (N, n) of the robot's joints; those that the recording lacks are `others` where anything is known."""
+        """Return values (N, n) of the robot's joints, `others` for joints that are not recorded."""
         rows = np.full((len(log), robot.n), np.nan if values is None else others)
         if values is not None:
             rows[:, named] = values[:, there]
@@ -103,33 +111,35 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
 
 
 def shown_project(folder: Path) -> tuple[Path, Path | None, str | None]:
-    """Return a project's test or training recording, its recommended model and its robot, where there are any."""
+    """Return a project's test or training recording, its recommended model and its robot, if available."""
     settings = project_settings(folder)
-    logs = [folder / f"{name}.parquet" for name in (TEST, TRAIN)]
-    found = [log for log in logs if log.is_file()]
-    if not found:
+    logs = [log for log in (folder / f"{name}.parquet" for name in (TEST, TRAIN)) if log.is_file()]
+    if not logs:
         raise ConfigError(f"{folder}: holds no motion log yet; run catenary calibrate {folder}")
     model = folder / "models" / f"{RECOMMENDED}.npz"
     robot = None
     if settings is not None:
         robot = "raven2_right" if settings.side == "right" and settings.robot == "raven2" else settings.robot
-    return found[0], model if model.is_file() else None, robot
+    return logs[0], model if model.is_file() else None, robot
 
 
 class Replay:
-    """A recording, where it is being played, and how fast."""
+    """Player of a recording; it starts playing at the first row.
+
+    Args:
+        shapes: Meshes; tubes by the arm's kinematics when None.
+    """
 
     def __init__(self, arm: RecordedArm, shapes: ArmShapes | None = None) -> None:
-        """Begin at the first row, playing; without shapes the arm is drawn from its kinematics."""
         self._arm, self._time = arm, arm.rows["time"]
         self._shapes = arm_shapes(arm.model) if shapes is None else shapes
         self._now = float(self._time[0])  # [s]
         self._speed, self._plays = 1.0, True
-        self._told = -np.inf
+        self._updated = -np.inf  # time of the last slider update [s]
         self._values: dict[str, Value] = {}
 
-    def shown(self, title: str) -> Shown:
-        """Return what its page shows."""
+    def shown(self, title: str) -> PageContent:
+        """Return the content of its page."""
         arm, end = self._arm, float(self._time[-1])
         legend = {"reported": "reported"}
         legend |= {"calibrated": "calibrated"} if arm.knows("calibrated") else {}
@@ -144,7 +154,7 @@ class Replay:
             names = tuple(arm.model.joint_names[j] for j in arm.joints)
             controls.append(Control("buttons", "worst", "largest error of", options=names))
         tab = ControlTab("Recording", tuple(controls), "The curves show 15 s before and after now.")
-        return Shown(title, arm.model, self._shapes, (tab,), arm.rows["q"][0], legend, arm.columns())
+        return PageContent(title, arm.model, self._shapes, (tab,), arm.rows["q"][0], legend, arm.columns())
 
     def run(
         self,
@@ -154,7 +164,7 @@ class Replay:
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """Play until the page is gone or `ended` says so; at its end the recording begins again."""
+        """Play in a loop until the page or `ended` ends it."""
         before = clock()
         while page.is_running and not ended():
             for change in page.changes():
@@ -165,14 +175,14 @@ class Replay:
                 if self._now > self._time[-1]:
                     self._now = 0.0
             before = now
-            if self._plays and now - self._told >= _SLIDER_STEP_S:  # the slider of the time line moves along
-                self._told, self._values = now, {"time": round(self._now, 2)}
+            if self._plays and now - self._updated >= _SLIDER_STEP_S:
+                self._updated, self._values = now, {"time": round(self._now, 2)}
             row = int(np.searchsorted(self._time, self._now, side="right")) - 1
             page.put(self._arm.state(max(row, 0)), self._values)
             sleep(_STATE_EVERY_S)
 
     def take(self, change: Change) -> None:
-        """Do what somebody wants."""
+        """Apply a change of a control."""
         name, value = change
         if name == "plays":
             self._plays = bool(value)
@@ -188,7 +198,7 @@ class Replay:
 
 
 class WatchedArm:
-    """A robot that is read, and its model; without one, the page shows what `catenary deploy` publishes."""
+    """View of a robot that is only read; without a model, it shows the positions published by `catenary deploy`."""
 
     def __init__(
         self,
@@ -198,20 +208,24 @@ class WatchedArm:
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Take a robot in any state."""
+        """Set the robot, in any state.
+
+        Args:
+            model: File of a calibration model.
+        """
         self._robot, self._shapes, self._model, self._clock = robot, shapes, model, clock
 
-    def shown(self, title: str) -> Shown:
-        """Return what its page shows: nothing to drive it by."""
+    def shown(self, title: str) -> PageContent:
+        """Return the content of its page, without controls."""
         legend = {"reported": "reported", "calibrated": "calibrated"}
         if self._robot.truth() is not None:
             legend["true"] = "true"
         hertz = 1.0 / self._robot.plant.period
-        return Shown(title, self._robot.model, self._shapes, legend=legend, nominal_hz=hertz)
+        return PageContent(title, self._robot.model, self._shapes, legend=legend, nominal_hz=hertz)
 
     def run(self, page: PageProcess, ended: Callable[[], bool] = lambda: False) -> None:
-        """Show the robot until the page is gone or `ended` says so."""
-        # what comes from the page is discarded: nothing here moves a robot
+        """Show the robot until the page or `ended` ends it."""
+        # changes on the page are discarded: nothing here moves a robot
         for snapshot in watch_robot(self._robot, model=self._model, tick=page.changes, clock=self._clock):
             page.put(snapshot)
             if ended() or not page.is_running:

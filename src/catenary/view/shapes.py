@@ -1,4 +1,4 @@
-"""The shape of each link of an arm: as its file shows it, or tubes from joint to joint, from its kinematics alone."""
+"""Meshes of an arm's links for drawing: those of its file, or tubes from joint to joint by its kinematics."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ from catenary.robots.geometry import Ball, Box, Capsule, Cylinder, Form, HalfSpa
 from catenary.robots.model import RobotModel
 from catenary.robots.shapes import described_geometry
 
-_CAPSULE_FACETS = (16, 16)  # around a bar, and from end to end
+_CAPSULE_FACETS = (16, 16)  # around and along a bar
 _TUBE_RADIUS = 0.032  # radius of a tube, times the arm's length
 _HUB_LENGTH = 2.6  # length of a joint's hub, times the tube's radius to either side
 _TIP_RADIUS = 0.45  # radius of the last link and the tool, times the tube's
-_JOINTS_MEET_WITHIN = 0.01  # times the arm's length: joints nearer than this lie in one point
-_ARC_RADIUS = 0.72  # radius of a spherical linkage, times the way from its centre to what slides through it
+_JOINTS_MEET_WITHIN = 0.01  # largest distance of coincident joints, times the arm's length
+_ARC_RADIUS = 0.72  # radius of a spherical linkage, times the distance from its centre to the slider
 _ARC_STEPS = 24  # of an arc
-_ARC_ANGLE_RAD = 1e-3  # [rad] of an arc, at least
+_ARC_ANGLE_RAD = 1e-3  # [rad] smallest angle of an arc
 _ENDLESS_TRAVEL_M = 0.5  # [m] of a slider without limits
-_TRIANGLES = 200_000  # triangles of an arm, beyond which a browser is slow
+_TRIANGLES = 200_000  # largest number for an arm, above which browsers are slow
 
 
 Mesh = Any  # a trimesh.Trimesh
@@ -39,7 +39,7 @@ def bar(start: Floats, end: Floats, radius: float) -> Mesh:
 
 
 def arc(a: Floats, b: Floats, size: float, radius: float) -> Mesh:
-    """Return a bar of a radius bent about the origin at a distance `size` [m], from one unit vector (3,) to another."""
+    """Return a bar of a radius [m] bent about the origin at a distance `size` [m], from unit vector a to b (3,)."""
     across = np.cross(a, b)
     if np.linalg.norm(across) < _ARC_ANGLE_RAD:
         return bar(size * a, size * (a + _ARC_ANGLE_RAD * np.cross(a, [0.3, 0.5, 0.7])), radius)
@@ -54,11 +54,11 @@ def arc(a: Floats, b: Floats, size: float, radius: float) -> Mesh:
 
 @dataclass(frozen=True)
 class ArmShapes:
-    """An arm to be drawn: a mesh fixed to each link's frame, and one to the base."""
+    """Meshes of an arm, one fixed to each link's frame, and one to the base."""
 
     links: tuple[Mesh, ...]  # (n_tree,) in the links' frames
     base: Mesh | None  # in the base frame
-    length: float  # [m] of the arm from end to end of its chain: how large everything about it is drawn
+    length: float  # [m] of the arm's longest chain: the scale of everything drawn
 
 
 _Parts = defaultdict[int, list[Mesh]]  # tubes by link; -1 is the base
@@ -67,7 +67,7 @@ _Parts = defaultdict[int, list[Mesh]]  # tubes by link; -1 is the base
 def arm_shapes(model: RobotModel) -> ArmShapes:
     """Return the shapes of an arm's links: tubes from joint to joint, hubs of revolute joints, rails of prismatic ones.
 
-    Where revolute axes and a slider meet in one point, as at the port of a RAVEN-II, links are arcs about that point.
+    If revolute axes and a slider intersect in one point, as at the port of a RAVEN-II, links are arcs about that point.
     """
     length = arm_length(model)
     radius = _TUBE_RADIUS * length
@@ -83,7 +83,7 @@ def arm_shapes(model: RobotModel) -> ArmShapes:
     for link in range(n):
         if link not in spherical and not model.tree.prismatic[link]:
             axis = model.tree.axis[link]
-            # a wrist's hubs lie in one another: thinner ones at the end of the chain
+            # a wrist's hubs overlap: thinner ones at the end of the chain
             size = radius * (1.25 if link in model.tree.parent else 2.0 * _TIP_RADIUS)
             parts[link].append(bar(-0.5 * _HUB_LENGTH * size * axis, 0.5 * _HUB_LENGTH * size * axis, size))
     frame = model.frame()
@@ -94,7 +94,7 @@ def arm_shapes(model: RobotModel) -> ArmShapes:
 
 
 def arm_length(model: RobotModel) -> float:
-    """Return the length of the longest chain of a robot [m]: ways from joint to joint, sliders half out."""
+    """Return the length of a robot's longest chain [m] from joint to joint, with sliders at mid-range."""
     tree = model.tree
     reach = np.zeros(len(tree.parent))
     for i, parent in enumerate(tree.parent):
@@ -108,7 +108,7 @@ def arm_length(model: RobotModel) -> float:
 
 
 def _travel(model: RobotModel, link: int) -> tuple[float, float]:
-    """Return between which tree coordinates a joint moves [rad|m]."""
+    """Return the range of a tree coordinate [rad|m]."""
     row = model.coupling[link]
     with np.errstate(invalid="ignore"):
         ends = np.array([row * model.lower, row * model.upper])
@@ -120,7 +120,7 @@ def _travel(model: RobotModel, link: int) -> tuple[float, float]:
 
 
 def _draw_way(model: RobotModel, parts: _Parts, link: int, child: int, radius: float, near: float) -> None:
-    """Draw what a link has between its own joint and that of a child."""
+    """Draw a link between its own joint and that of a child."""
     tree = model.tree
     origin = tree.origin[child]
     if tree.prismatic[child]:
@@ -133,27 +133,27 @@ def _draw_way(model: RobotModel, parts: _Parts, link: int, child: int, radius: f
 
 
 def _spherical_joints(model: RobotModel, near: float) -> list[int]:
-    """Return the revolute joints that meet in one point with a slider after them, the first two or more of a robot."""
+    """Return the first revolute joints of a robot, two or more, whose axes intersect, followed by a slider."""
     tree = model.tree
-    found: list[int] = []
+    joints: list[int] = []
     for i, parent in enumerate(tree.parent):
         chained = parent == i - 1 and (i == 0 or np.linalg.norm(tree.origin[i]) < near)
         if not chained:
             return []
-        if tree.prismatic[i]:  # what slides runs through the centre
-            return found if len(found) >= 2 else []
-        found.append(i)
+        if tree.prismatic[i]:  # the slider passes through the centre
+            return joints if len(joints) >= 2 else []
+        joints.append(i)
     return []
 
 
 def _draw_spherical(model: RobotModel, parts: _Parts, joints: list[int], radius: float) -> None:
-    """Draw links as arcs about the point in which their axes meet, at hubs on the side of the slider's carriage."""
+    """Draw links as arcs about the intersection of their axes, with hubs on the side of the slider's carriage."""
     tree = model.tree
     slider = joints[-1] + 1
     low, high = _travel(model, slider)
     middle = 0.5 * (low + high)
     size, half = _ARC_RADIUS * abs(middle), _HUB_LENGTH * radius
-    # unit vectors to the hubs of joint i and i + 1, both in the frame of link i: axes turn nothing about themselves
+    # unit vectors to the hubs of joints i and i + 1, in the frame of link i: a rotation does not change its own axis
     toward = np.sign(middle) * (tree.rotation[slider] @ tree.axis[slider])
     parts[joints[-1]].append(bar(size * toward, max(abs(low), abs(high)) * toward, 0.8 * radius))
     for joint in reversed(joints):
@@ -167,16 +167,23 @@ def _draw_spherical(model: RobotModel, parts: _Parts, joints: list[int], radius:
 
 
 def _point(radius: float) -> Mesh:
-    """Return what a link without any extent is drawn as."""
+    """Return the mesh of a link without extent."""
     along = np.array([0.0, 0.0, 0.1 * radius])
     return bar(-along, along, _TIP_RADIUS * radius)
 
 
 def shapes_of(source: str, model: RobotModel) -> tuple[ArmShapes, str | None]:
-    """Return an arm's shapes as its file, `source`, describes them, or as tubes, and why the latter."""
+    """Return an arm's meshes by its file, or tubes, and the reason for tubes.
+
+    Args:
+        source: Name or file of the robot.
+
+    Returns:
+        Shapes, and the reason why a file's shapes cannot be drawn; None otherwise.
+    """
     tubes = arm_shapes(model)
     if source in robot_names():
-        return tubes, None  # tables describe no looks
+        return tubes, None  # tables have no shapes
     try:
         described = described_geometry(source, model, kind="visual")
         if described is None:
@@ -191,22 +198,22 @@ def shapes_of(source: str, model: RobotModel) -> tuple[ArmShapes, str | None]:
 
 
 def described_shapes(shapes: tuple[Shape, ...], model: RobotModel, tubes: ArmShapes) -> ArmShapes:
-    """Return forms fixed to links as one mesh a link; a link without any is a point at its joint."""
-    found: _Parts = defaultdict(list)
+    """Return shapes fixed to links as one mesh per link; a link without any is a point at its joint."""
+    parts: _Parts = defaultdict(list)
     for shape in shapes:
         mesh = form_mesh(shape.form)
         if mesh is not None:
             place = np.eye(4)
             place[:3, :3], place[:3, 3] = shape.pose
-            found[shape.link].append(mesh.apply_transform(place))
+            parts[shape.link].append(mesh.apply_transform(place))
     links = tuple(
-        trimesh.util.concatenate(found[link] or [_point(1e-3 * tubes.length)]) for link in range(len(model.link_names))
+        trimesh.util.concatenate(parts[link] or [_point(1e-3 * tubes.length)]) for link in range(len(model.link_names))
     )
-    return ArmShapes(links, trimesh.util.concatenate(found[-1]) if found[-1] else tubes.base, tubes.length)
+    return ArmShapes(links, trimesh.util.concatenate(parts[-1]) if parts[-1] else tubes.base, tubes.length)
 
 
 def form_mesh(form: Form) -> Mesh | None:
-    """Return a form as triangles; None of a floor or wall, which is no link."""
+    """Return a form as a triangle mesh; None for a half-space."""
     if isinstance(form, HalfSpace):
         return None
     if isinstance(form, TriangleMesh):
@@ -224,10 +231,10 @@ def form_mesh(form: Form) -> Mesh | None:
 
 
 def _read(file: MeshFile) -> Any:
-    """Return a file's mesh, of the size that is asked for; a mirrored one is turned inside out again."""
+    """Return a file's mesh, scaled; the faces of a mirrored one keep their orientation."""
     try:
         mesh: Any = trimesh.load(file.path, force="mesh")
-    except Exception as error:  # whatever a reader of a foreign format raises
+    except Exception as error:  # readers of foreign formats raise any
         raise FileFormatError(f"{file.path}: cannot be read as a mesh: {error}") from error
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         raise FileFormatError(f"{file.path}: holds no triangles of finite numbers")

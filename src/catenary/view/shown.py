@@ -1,4 +1,4 @@
-"""The contents of a page as data: an arm, its shapes and controls, its picture at an instant, curves until then."""
+"""Content of a view's page as data: arm, meshes, controls, scene at an instant, tip paths, curves."""
 
 import math
 from collections import deque
@@ -23,33 +23,30 @@ if TYPE_CHECKING:
 
 
 Value = float | bool | str
-_ENDLESS_RANGE = {"rad": np.pi, "m": 0.5}  # to either side of zero, of a joint without limits
+_ENDLESS_RANGE = {"rad": np.pi, "m": 0.5}  # half-range about zero of a joint without limits
 
 
 class Change(NamedTuple):
-    """A change on the page: the name of a control, and its new value."""
+    """Change of a control: its name and new value."""
 
     name: str
     value: Value
 
 
 class Control(NamedTuple):
-    """Something to press, pull or choose.
-
-    Of buttons in a row the one that is pressed is the change's value.
-    """
+    """Control on a page; the value of a row of buttons is the pressed one."""
 
     kind: Literal["slider", "choice", "switch", "buttons"]
     name: str
     label: str  # with its unit
-    value: Value | None = None  # none of buttons
-    options: tuple[Any, ...] = ()  # what may be chosen; a slider's low and high end, and its step
+    value: Value | None = None  # None for buttons
+    options: tuple[Any, ...] = ()  # choices; of a slider: lower end, upper end, step
     hint: str = ""
 
 
 @dataclass(frozen=True)
 class ControlTab:
-    """Controls that are shown together."""
+    """Tab of controls."""
 
     label: str
     controls: tuple[Control, ...]
@@ -57,7 +54,7 @@ class ControlTab:
 
 
 def accepted(control: Control, value: object) -> Value | None:
-    """Return a value from a browser as the control may have it, within a slider's ends; None where it may not."""
+    """Return a browser's value if valid for a control, clipped to a slider's range; None otherwise."""
     if control.kind == "slider":
         low, high, _ = control.options
         finite = isinstance(value, int | float) and math.isfinite(value)
@@ -68,21 +65,21 @@ def accepted(control: Control, value: object) -> Value | None:
 
 
 @dataclass(frozen=True)
-class Shown:
-    """An arm on a page."""
+class PageContent:
+    """Content of a page: an arm with its controls."""
 
     title: str
     model: RobotModel
     shapes: "ArmShapes"
     tabs: tuple[ControlTab, ...] = ()
-    start: Floats | None = None  # (n,) [rad|m] where the camera finds it; the middle of its ranges when None
-    legend: Mapping[str, str] = field(default_factory=dict)  # by arm: what it is
-    recording: Mapping[str, Floats] | None = None  # of which curves are drawn; those of the states when None
-    nominal_hz: float = math.nan  # at which a robot's ticks should come
+    start: Floats | None = None  # (n,) [rad|m] pose for the camera; the middle of its ranges when None
+    legend: Mapping[str, str] = field(default_factory=dict)  # label, by name of ARMS
+    recording: Mapping[str, Floats] | None = None  # source of the curves; the shown states when None
+    nominal_hz: float = math.nan  # of a robot's ticks
 
 
-def extent_of(shown: Shown) -> tuple[Floats, float]:
-    """Return the ball about an arm's shapes and its base's origin: centre (3,) in the base frame and radius [m]."""
+def extent_of(shown: PageContent) -> tuple[Floats, float]:
+    """Return the bounding sphere of an arm and its base's origin: centre (3,) in the base frame and radius [m]."""
     model = shown.model
     ranges = finite_ranges(model)
     q = 0.5 * (ranges.lower + ranges.upper) if shown.start is None else shown.start
@@ -98,7 +95,7 @@ def extent_of(shown: Shown) -> tuple[Floats, float]:
 
 
 def finite_ranges(limits: Bounded) -> JointRanges:
-    """Return ranges of joints, all of them finite."""
+    """Return finite joint ranges, with defaults for joints without limits."""
     widest = np.array([_ENDLESS_RANGE[unit] for unit in limits.joint_units])
     lower = np.where(np.isfinite(limits.lower), limits.lower, -widest)
     upper = np.where(np.isfinite(limits.upper), limits.upper, widest)
@@ -106,8 +103,8 @@ def finite_ranges(limits: Bounded) -> JointRanges:
 
 
 ARMS = ("reported", "calibrated", "true")
-_PATH_POINTS = 400  # points of a tip's path
-_PATH_STEP = 0.002  # times the arm's length: the least way from one of its points to the next
+_PATH_POINTS = 400  # of a tip's path
+_PATH_STEP = 0.002  # minimum tip travel between path points, times the arm's length
 
 
 class PlacedArm(NamedTuple):
@@ -119,29 +116,29 @@ class PlacedArm(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """A picture of an arm."""
+    """Arms and gravity at an instant."""
 
     base_wxyz: Floats  # (4,) orientation of the base in the world, whose z axis is up
-    arms: dict[str, PlacedArm]  # by name, of ARMS; those that are known
+    arms: dict[str, PlacedArm]  # known ones, by name of ARMS
     measured: Floats | None  # (3,) gravity in the base frame, of length 1 at 9.81 m/s2
-    assumed: Floats | None  # likewise, as the controller assumes
+    assumed: Floats | None  # (3,) likewise, as assumed by the controller
 
 
 def numbers(values: Floats | None, n: int) -> Floats:
-    """Return those of the first n joints or axes, (n,); NaN for what is not known."""
-    found = np.full(n, np.nan)
+    """Return the first n values (n,); NaN for unknown ones."""
+    padded = np.full(n, np.nan)
     if values is not None:
-        found[: len(values)] = values[:n]
-    return found
+        padded[: len(values)] = values[:n]
+    return padded
 
 
 def joints_of(shot: Snapshot, n: int) -> dict[str, Floats]:
-    """Return where each of ARMS has its first n joints [rad|m]."""
+    """Return the first n joint positions [rad|m] by name of ARMS."""
     return {name: numbers(q, n) for name, q in zip(ARMS, (shot.q, shot.calibrated, shot.true), strict=True)}
 
 
 def scene_of(model: RobotModel, shot: Snapshot) -> Scene:
-    """Return the picture of a robot whose first joints are the model's."""
+    """Return the scene of a robot whose first joints are the model's."""
     known = {name: q for name, q in joints_of(shot, model.n).items() if np.isfinite(q).all()}
     arms = {}
     if known:
@@ -158,7 +155,7 @@ def scene_of(model: RobotModel, shot: Snapshot) -> Scene:
 
 
 def base_orientation(gravity: ArrayLike) -> Floats:
-    """Return how a base that feels gravity (3,) [m/s2] stands in the world (w, x, y, z), turned least."""
+    """Return the orientation (w, x, y, z) in the world of a base with gravity (3,) [m/s2], by the smallest rotation."""
     vector = np.asarray(gravity, dtype=float)
     size = float(np.linalg.norm(vector))
     if not np.isfinite(size) or size < 1e-6:
@@ -176,24 +173,24 @@ class TipPaths:
     """Recent paths of the arms' tips, in the base frame."""
 
     def __init__(self, length: float) -> None:
-        """Begin without any point; the tip must travel a share of `length`, that of the arm [m], between points."""
+        """Set the minimum travel between points by the arm's length [m]."""
         self._step = _PATH_STEP * length
         self._points: dict[str, deque[Floats]] = {name: deque(maxlen=_PATH_POINTS) for name in ARMS}
 
     def add(self, scene: Scene) -> None:
-        """Take the tips of a picture."""
+        """Add the tips of a scene."""
         for name, arm in scene.arms.items():
             points = self._points[name]
             if not points or np.linalg.norm(arm.tip - points[-1]) >= self._step:
                 points.append(arm.tip)
 
     def clear(self) -> None:
-        """Forget all points."""
+        """Remove all points."""
         for points in self._points.values():
             points.clear()
 
     def segments(self, name: str) -> Floats:
-        """Return the path of an arm's tip as lines from point to point, (K, 2, 3) [m]."""
+        """Return the path of an arm's tip as line segments (K, 2, 3) [m]."""
         points = np.array(self._points[name])
         if len(points) < 2:
             return np.zeros((0, 2, 3))
@@ -201,14 +198,14 @@ class TipPaths:
 
 
 _SPAN_S = 30.0  # [s]
-SPACING_S = 0.1  # [s] between two of their points
+SPACING_S = 0.1  # [s] between two points of a curve
 
 
 class Curve(NamedTuple):
     """A line of a plot."""
 
-    label: str  # empty for one that another's label names too
-    values: Floats  # (K,) NaN where it is not known
+    label: str  # empty if it shares another curve's label
+    values: Floats  # (K,) NaN: unknown
     colour: str
     dashed: bool = False
 
@@ -217,18 +214,18 @@ class Plot(NamedTuple):
     """Curves over one time axis."""
 
     title: str
-    time: Floats  # (K,) [s] from now: before it negative
+    time: Floats  # (K,) [s] relative to now
     curves: tuple[Curve, ...]
 
     def known(self) -> tuple[Curve, ...]:
-        """Return the curves with known values; unknown values repeat the last known one, as no gap can be drawn."""
+        """Return the curves with known values; unknown values repeat the last known one, since gaps cannot be drawn."""
         return tuple(
             curve._replace(values=_level(curve.values)) for curve in self.curves if np.isfinite(curve.values).any()
         )
 
 
 def _level(values: Floats) -> Floats:
-    """Return values (K,) with those that are not finite replaced by the last one before, or the first one after."""
+    """Replace values (K,) that are not finite by the last finite one before, or the first one after."""
     finite = np.isfinite(values)
     places = np.maximum.accumulate(np.where(finite, np.arange(len(values)), -1))
     return values[np.where(places < 0, int(np.argmax(finite)), places)]
@@ -242,25 +239,24 @@ _OF_JOINTS = ("q", "true", "calibrated", "interval", "setpoint", "tau", "gravity
 
 
 class Curves:
-    """What is drawn of the last half minute of states, or of the part of a recording around the present one.
+    """Curves over the last half minute of states, or over the part of a recording around the present time.
 
-    A recording has an array (K, n) [SI] for each of _OF_JOINTS that it knows, and its `time` (K,) [s].
+    A recording has an array (K, n) [SI] for each known field of _OF_JOINTS, and its `time` (K,) [s].
     """
 
     def __init__(
         self, joints: Jointed, recording: Mapping[str, Floats] | None = None, nominal_hz: float = np.nan
     ) -> None:
-        """Begin without any state of a robot whose ticks come at a rate [Hz]."""
+        """Set the joints, the recording if any, and the nominal tick rate [Hz]."""
         self._names, self._units, self._recording = joints.joint_names, joints.joint_units, recording
         self._nominal_hz = nominal_hz
-        self.span = (
-            (-_SPAN_S, 0.0) if recording is None else (-0.5 * _SPAN_S, 0.5 * _SPAN_S)
-        )  # [s] from now that is drawn
+        # [s] drawn interval relative to now
+        self.span = (-_SPAN_S, 0.0) if recording is None else (-0.5 * _SPAN_S, 0.5 * _SPAN_S)
         self._states: deque[Snapshot] = deque(maxlen=round(_SPAN_S / SPACING_S))
         self._now = 0.0
 
     def add(self, state: Snapshot) -> None:
-        """Take a state; those too close to the last are left out, and time that goes back restarts them."""
+        """Add a state; those too close to the last are skipped, and a step back in time restarts the curves."""
         self._now = state.time
         if self._states and state.time < self._states[-1].time:
             self._states.clear()
@@ -268,7 +264,7 @@ class Curves:
             self._states.append(state)
 
     def plots(self, joint: int) -> tuple[Plot, ...]:
-        """Return the plots of a joint: errors [deg|mm], torque [Nm|N] and, of a robot that runs, the loop."""
+        """Return the plots of a joint: errors [deg|mm], torque [Nm|N] and, without a recording, the loop."""
         name, unit = self._names[joint], self._units[joint]
         if self._recording is not None:
             near = np.abs(self._recording["time"] - self._now) <= 0.5 * _SPAN_S
@@ -288,7 +284,7 @@ class Curves:
 
 
 def joint_plots(columns: Mapping[str, Floats], time: Floats, joint: int, name: str, unit: str) -> tuple[Plot, Plot]:
-    """Return the plots of a joint: errors [deg|mm] and torque [Nm|N] in parts."""
+    """Return the plots of a joint: errors [deg|mm] and torque components [Nm|N]."""
     shown, scale = DISPLAY[unit]
     titles = f"{name}: error [{shown}]", f"{name}: torque [{TORQUE_UNIT[unit]}]"
     if len(time) == 0:

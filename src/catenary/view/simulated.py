@@ -1,4 +1,4 @@
-"""A simulated arm driven from the page: its base, payload, sensor, friction and wear; its control loop and controls."""
+"""View of a simulated arm with controls: motion, controller, base, payload, sensor faults, friction, cable wear."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -35,17 +35,17 @@ from catenary.trajectories.zigzag import zigzag
 from catenary.units import DISPLAY
 from catenary.view.page_process import PageProcess
 from catenary.view.shapes import shapes_of
-from catenary.view.shown import Control, ControlTab, Shown, Value, finite_ranges
+from catenary.view.shown import Control, ControlTab, PageContent, Value, finite_ranges
 from catenary.workflows.robot.motion import check_motion, gentle_way, random_within
 from catenary.workflows.trials import SimulatedArm, base_sensor, simulated_arm
 
-_STOP_S = 0.4  # [s] in which a motion that is left comes to rest
+_STOP_S = 0.4  # [s] in which an interrupted motion comes to rest
 
-Motion = Callable[[Floats], Trajectory]  # makes a motion that begins at joint positions (n,) [rad|m]
+Motion = Callable[[Floats], Trajectory]  # creates a motion that starts at joint positions (n,) [rad|m]
 
 
 class SteeredTrajectory:
-    """A motion that repeats until another is wanted: then it slows down along its own path, and the next begins."""
+    """A repeated motion that can be replaced: it decelerates along its own path, then the next one starts."""
 
     duration = np.inf
 
@@ -57,16 +57,16 @@ class SteeredTrajectory:
         self._place, self._rate, self._time = 0.0, 1.0, 0.0  # along the motion; of it; of the last call
 
     def follow(self, recipe: Motion | None) -> None:
-        """Come to rest, then follow the motions that a recipe makes, one after the other; None rests."""
+        """Come to rest, then follow the motions of a recipe, one after the other; None stays at rest."""
         self._next = _rest if recipe is None else recipe
 
     def rest_at(self, q: Floats) -> None:
-        """Be at rest at q (n,) [rad|m] at once, as where an arm was led by hand."""
+        """Be at rest at q (n,) [rad|m] at once, as after hand guiding."""
         self._motion, self._recipe, self._next = Rest(q, 0.0), None, None
         self._place, self._rate = 0.0, 1.0
 
     def __call__(self, t: float) -> Reference:
-        """Return the reference at `t` [s], not before the last one that was asked for."""
+        """Return the reference at `t` [s], which must not decrease between calls."""
         step = max(0.0, t - self._time)
         self._time = t
         slower = 0.0
@@ -85,7 +85,7 @@ class SteeredTrajectory:
         return Reference(q, self._rate * qd, self._rate**2 * qdd + slower * qd)
 
     def sample(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Return references at times (N,) [s], in their order; asking moves the motion on."""
+        """Return references at increasing times (N,) [s]; this advances the motion."""
         rows = [self(float(t)) for t in as_array("times", times, (None,))]
         q, qd, qdd = (np.array(part) for part in zip(*rows, strict=True))
         return q, qd, qdd
@@ -102,12 +102,12 @@ def _rest(q: Floats) -> Trajectory:
 
 
 class SwitchedCorrector:
-    """A model that always corrects, and whose correction is faded into the loop once switched on, and out again."""
+    """Corrector whose correction is faded into the loop when switched on, and out when switched off."""
 
     def __init__(
         self, corrector: StateCorrector, whole: Callable[[JointState], JointState], n: int, period: float
     ) -> None:
-        """Take a corrector, off, for the `whole` robot's state, whose first n joints are the loop's; `period` [s]."""
+        """Wrap a corrector of the `whole` robot's state, whose first n joints are the loop's; `period` [s]."""
         self._corrector, self._whole, self._n = corrector, whole, n
         self._fade = Fade(np.zeros(n), period)
         self.is_on = self._was_on = False
@@ -118,7 +118,7 @@ class SwitchedCorrector:
         """Do nothing: the model knows the whole robot."""
 
     def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats) -> None:
-        """Write positions (n,), reported, calibrated or on the way from one to the other, flags and half-widths."""
+        """Write positions (n,), reported, calibrated or faded between them, flags and half-widths."""
         whole = self._whole(state)
         size, n = len(whole.q), self._n
         q, flags, widths = np.empty(size), np.empty(size, dtype=bool), np.empty(size)
@@ -130,30 +130,30 @@ class SwitchedCorrector:
         inside[:], interval[:] = self.inside, self.interval
 
 
-# of the sensor, by what the page calls them
+# fault kinds by label
 _SENSOR_FAULTS = {
     "unplugged": "drop_out", "stuck": "stuck", "wrong sign": "wrong_sign", "spikes": "spikes", "came loose": "jump",
 }  # fmt: skip
-# what takes the place of a reading that does not come (SensedGravity)
+# warnings of aged readings (SensedGravity)
 _AGED_READINGS = {
     ReadingStatus.STALE: "no new gravity: the last one is held",
-    ReadingStatus.FALLBACK: "no new gravity: its mean direction of the last seconds is taken",
+    ReadingStatus.FALLBACK: "no new gravity: its mean direction of the last seconds is used",
 }
-# of a robot without cables at "1": times its largest torque, or 1 Nm or N where that is not known
+# friction of a robot without cables at "1", relative to its largest torque, or to 1 Nm or N if unknown
 _RIGID_FRICTION = 0.02
 _FRICTION_END = 4.0
-_GOTO_PREFIX = "goto:"  # begins the name of a joint's slider
+_GOTO_PREFIX = "goto:"  # of the names of joint sliders
 _MOTIONS = _REST, _GO_TO, _RANDOM, _ZIGZAG = "rest", "go to the sliders", "random motion", "zig-zag"
 _ENABLE, _PAUSE, _HOME = _LEVELS = ("enable", "pause", "home")
-_QUICKER = 2.5  # than a gentle go-to, which is for real robots
-_RANDOM_S = 60.0  # of a random motion, after which the next one is drawn
+_QUICKER = 2.5  # speed relative to a gentle go-to, which is for real robots
+_RANDOM_S = 60.0  # duration of a random motion
 _SPARSITY = 0.25  # of RAVEN-II's zig-zag
 _OWN_CONTROL = "the robot's own position control"
 _HOLD_CONTROL = "gravity compensation alone"
 
 
 class PlantBase(NamedTuple):
-    """The base that a plant stands on, whichever it is at the time."""
+    """The present base of a plant."""
 
     plant: CablePlant | MujocoPlant
 
@@ -163,10 +163,10 @@ class PlantBase(NamedTuple):
 
 
 class Surroundings:
-    """A simulated arm's base, payload, sensor, friction and wear; a GravitySource, by a sensor on its base."""
+    """Base, payload, sensor, friction and wear of a simulated arm; a GravitySource by a sensor on its base."""
 
     def __init__(self, arm: SimulatedArm) -> None:
-        """Take an arm on a SteeredBase."""
+        """Set the arm, on a SteeredBase."""
         plant = arm.plant
         self.plant = cast(CablePlant | MujocoPlant, plant.arm if isinstance(plant, PositioningArm) else plant)
         self.has_cables = isinstance(self.plant, CablePlant)
@@ -178,33 +178,33 @@ class Surroundings:
         self.reading: GravityReading | None = None  # the last one
 
     def changes(self) -> dict[str, Callable[[Any], None]]:
-        """Return what changes something, by the name of its control; it takes the control's value."""
-        found: dict[str, Callable[[Any], None]] = {name: partial(self._tilt, name) for name in self._attitude}
-        found["sensor"] = self._break_sensor
+        """Return the functions that apply a control's value, by the control's name."""
+        actions: dict[str, Callable[[Any], None]] = {name: partial(self._tilt, name) for name in self._attitude}
+        actions["sensor"] = self._break_sensor
         plant, unit = self.plant, _RIGID_FRICTION * self._torque
         if isinstance(plant, CablePlant):
-            return found | {"payload_kg": plant.carry, "friction": plant.rub, "wear": plant.wear}
-        found["payload_kg"] = lambda mass: plant.attach(Payload(mass) if mass > 0.0 else None)
-        return found | {"friction": lambda factor: plant.rub(factor * unit)}
+            return actions | {"payload_kg": plant.carry, "friction": plant.set_coulomb_friction, "wear": plant.wear}
+        actions["payload_kg"] = lambda mass: plant.attach(Payload(mass) if mass > 0.0 else None)
+        return actions | {"friction": lambda factor: plant.set_coulomb_friction(factor * unit)}
 
     def _tilt(self, name: str, value: float) -> None:
         self._attitude[name] = value
         *angles, frequency = self._attitude.values()
         roll, pitch, amplitude = np.deg2rad(angles)
         self._base = self._base.toward(self.plant.time, roll, pitch, amplitude=amplitude, frequency=frequency)
-        self.plant.stand_on(self._base)
+        self.plant.set_base(self._base)
 
     def _break_sensor(self, fault: str) -> None:
         known = fault in _SENSOR_FAULTS
         self._sensor.faults = (InjectedFault(_SENSOR_FAULTS[fault], self.plant.time),) if known else ()
 
     def read(self, time: float) -> GravityReading:
-        """Return gravity as the sensor says at a time [s]."""
+        """Return gravity by the sensor at a time [s]."""
         self.reading = self._sensed.read(time)
         return self.reading
 
     def actual(self) -> Floats:
-        """Return gravity as it is (3,) [m/s2], in the base frame."""
+        """Return true gravity (3,) [m/s2] in the base frame."""
         return np.asarray(self._base.sample(np.array([self.plant.time])).gravity[0])
 
     def warnings(self) -> tuple[str, ...]:
@@ -212,18 +212,18 @@ class Surroundings:
         reading = self.reading
         if reading is None:
             return ()
-        said = []
+        warnings = []
         if reading.status in _AGED_READINGS:
-            said.append(_AGED_READINGS[reading.status])
+            warnings.append(_AGED_READINGS[reading.status])
         if reading.faults:
-            said.append(f"sensor: {reading.faults.message}")
-        return tuple(said)
+            warnings.append(f"sensor: {reading.faults.message}")
+        return tuple(warnings)
 
 
 def driving_tabs(
     limits: Bounded, q: Floats, *, motion: str, controllers: tuple[str, ...], has_cables: bool, has_model: bool
 ) -> tuple[ControlTab, ...]:
-    """Return the tabs of an arm at q (n,) [rad|m]: motion and controller, picked as given, surroundings, model."""
+    """Return the tabs of an arm at q (n,) [rad|m]: motion and controller, as selected, surroundings, model."""
     drive = ControlTab(
         "Drive",
         (
@@ -236,51 +236,51 @@ def driving_tabs(
         ),
     )
     most = 1.0 if has_cables else 5.0
-    rubs = ("Coulomb friction, x its own", 1.0) if has_cables else ("Coulomb friction", 0.0)
+    friction = ("Coulomb friction, x its own", 1.0) if has_cables else ("Coulomb friction", 0.0)
     sliders = [  # name, label, value, ends and step, hint
         ("roll_deg", "base roll [deg]", 0.0, (-90.0, 90.0, 1.0), "About x."),
         ("pitch_deg", "base pitch [deg]", 0.0, (-90.0, 90.0, 1.0), "Then about the base's own y."),
         ("rocking_deg", "rocking, to either side [deg]", 0.0, (0.0, 20.0, 0.5), "About x."),
         ("rocking_hz", "rocking [Hz]", 0.5, (0.1, 2.0, 0.1), ""),
-        ("payload_kg", "payload [kg]", 0.0, (0.0, most, 0.05), "The controller does not know of it."),
-        ("friction", *rubs, (0.0, _FRICTION_END, 0.1), ""),
-        ("wear", "cable wear [share]", 0.0, (0.0, 1.0, 0.05), "Stretch that stays, stiffness lost."),
+        ("payload_kg", "payload [kg]", 0.0, (0.0, most, 0.05), "Unknown to the controller."),
+        ("friction", *friction, (0.0, _FRICTION_END, 0.1), ""),
+        ("wear", "cable wear [share]", 0.0, (0.0, 1.0, 0.05), "Permanent stretch and loss of stiffness."),
     ]
     world = [Control("slider", *slider) for slider in sliders[: None if has_cables else -1]]
     world.insert(5, Control("choice", "sensor", "gravity sensor's fault", "none", ("none", *_SENSOR_FAULTS)))
     tabs = [drive, ControlTab("Surroundings", tuple(world))]
     if has_model:
-        text = "The calibrated arm shows where the model says that the joints are. Switched on, the loop goes by it."
-        switch = Control("switch", "model", "the loop goes by the model", False)
+        text = "The calibrated arm shows the joint positions by the model. Switched on, the loop uses them."
+        switch = Control("switch", "model", "use the model in the loop", False)
         tabs.append(ControlTab("Model", (switch,), text))
     return tuple(tabs)
 
 
 def joint_sliders(limits: Bounded, q: Floats) -> list[Control]:
     """Return a slider for each joint [deg|mm]."""
-    found: list[Control] = []
+    sliders: list[Control] = []
     ranges = finite_ranges(limits)
     for j, (name, unit) in enumerate(zip(limits.joint_names, limits.joint_units, strict=True)):
         shown, scale = DISPLAY[unit]
-        # a tenth within the limits, which are whole degrees but for their last digit
+        # rounded to a tenth within the limits
         low = float(np.ceil(10.0 * scale * ranges.lower[j] - 1e-6) / 10.0)
         high = float(np.floor(10.0 * scale * ranges.upper[j] + 1e-6) / 10.0)
         value = float(np.clip(round(scale * float(q[j]), 1), low, high))
-        found.append(Control("slider", f"{_GOTO_PREFIX}{name}", f"{name} [{shown}]", value, (low, high, 0.1)))
-    return found
+        sliders.append(Control("slider", f"{_GOTO_PREFIX}{name}", f"{name} [{shown}]", value, (low, high, 0.1)))
+    return sliders
 
 
-_SHOW_EVERY_TICKS = 40  # ticks: 25 states a second, which the page draws 20 of at most
-_LISTEN_EVERY_TICKS = 10  # ticks
-_SAID_FOR_S = 8.0  # [s] for which a refusal stays on the page
+_SHOW_EVERY_TICKS = 40  # 25 states a second, of which the page draws 20 at most
+_LISTEN_EVERY_TICKS = 10
+_NOTICE_S = 8.0  # [s] for which an error stays on the page
 
 
 class LeaveLoop(Exception):
-    """A change that the running control loop cannot make; its text is the run level that comes next, if any."""
+    """Ends the running control loop for a change outside it; its text is the next run level, if any."""
 
 
 class DrivenArm:
-    """A simulated arm, its surroundings, and the page that shows and drives it."""
+    """A simulated arm with its surroundings, controlled from a page."""
 
     def __init__(
         self,
@@ -291,10 +291,18 @@ class DrivenArm:
         rng: np.random.Generator,
         real_time: bool = True,
     ) -> None:
-        """Set up an arm with inertia, homed on a level base; without `real_time` ticks are as short as they can be."""
+        """Set up an arm, homed on a level base.
+
+        Args:
+            robot: Name or file of a robot with inertia.
+            model: Calibration model, if any.
+            seed: Draws a random arm; None for the nominal one.
+            rng: Source of randomness of its motions.
+            real_time: Pace ticks in real time; as fast as possible otherwise.
+        """
         self.arm: SimulatedArm = simulated_arm(robot, base=SteeredBase(), seed=seed)
         self.surroundings = Surroundings(self.arm)
-        # paced, and without a real loop's priority: a picture must not hold up whatever else the machine does
+        # paced, without real-time priority: a view must not block other programs
         self._paced = PacedPlant(self.arm.plant) if real_time else None
         self._plant = self.arm.plant if self._paced is None else cast(Plant, self._paced)
         self._rng = rng
@@ -313,7 +321,7 @@ class DrivenArm:
         self._trajectory = SteeredTrajectory(self._goal)
         self._ticks, self._late, self._seen_late = EventRate(), EventRate(), 0
         self._robot = robot
-        self._said: tuple[float, str] = (-np.inf, "")
+        self._notice: tuple[float, str] = (-np.inf, "")
         self._values: dict[str, Value] = {}
         self._does: dict[str, Callable[[Any], None]] = {  # by the name of a control, with its value
             **self.surroundings.changes(), "motion": self._choose_motion, "controller": self._choose_controller,
@@ -321,8 +329,8 @@ class DrivenArm:
             **{f"{_GOTO_PREFIX}{name}": partial(self._go_to, j) for j, name in enumerate(self._plant.joint_names)},
         }  # fmt: skip
 
-    def shown(self, title: str) -> Shown:
-        """Return what its page shows."""
+    def shown(self, title: str) -> PageContent:
+        """Return the content of its page."""
         legend = {"reported": "reported", "true": "true"}
         if self._corrector is not None:
             legend["calibrated"] = "calibrated"
@@ -334,10 +342,10 @@ class DrivenArm:
         shapes, why = shapes_of(self._robot, self.arm.model)
         if why is not None:
             self._say(why)
-        return Shown(title, self.arm.model, shapes, tabs, self._goal, legend, nominal_hz=1.0 / self._plant.period)
+        return PageContent(title, self.arm.model, shapes, tabs, self._goal, legend, nominal_hz=1.0 / self._plant.period)
 
     def run(self, page: PageProcess, ended: Callable[[], bool] = lambda: False) -> None:
-        """Run until the page is gone, `ended` says so, or Ctrl-C; the loop runs whenever the robot is ready for it."""
+        """Run until the page, `ended` or Ctrl-C ends it; the control loop runs whenever the robot is ready."""
         self._page, self._ended = page, ended
         self._choose_motion(self.motion)
         while page.is_running and not ended():
@@ -352,7 +360,7 @@ class DrivenArm:
                 self._say(str(error))
 
     def run_loop(self) -> LoopReport:
-        """Run the control loop until something ends it; it ends by an exception, with the arm held and paused."""
+        """Run the control loop, which ends by an exception, with the arm held and paused."""
         own = self.control == _OWN_CONTROL
         start = self._plant.setpoint_js().q if own else self._plant.measured_js().q
         self._trajectory = SteeredTrajectory(np.array(start))
@@ -361,13 +369,13 @@ class DrivenArm:
         return run_loop(
             self._plant, None if own else self, self._trajectory, limits=self.arm.limits(),
             corrector=self._corrector, gravity=self.surroundings, observers=[self._observe],
-            duration=np.inf, max_speed=np.inf,  # nothing is in the way of a simulated arm that falls
+            duration=np.inf, max_speed=np.inf,  # a simulated arm may fall
         )  # fmt: skip
 
     # in the loop
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Return torques (n,) [Nm|N] of the controller that is chosen."""
+        """Return torques (n,) [Nm|N] of the selected controller."""
         return self._controller.torque(state, reference)
 
     def _observe(self, tick: Tick) -> None:
@@ -391,7 +399,7 @@ class DrivenArm:
         self._seen_late = late
 
     def _wait_a_while(self) -> None:
-        """Pass 20 ms while the arm is not controlled: it homes, or brakes hold it."""
+        """Advance by 20 ms while the arm is not controlled: it is homing, or brakes hold it."""
         for _ in range(20):
             self._plant.wait()
             self._count()
@@ -412,7 +420,7 @@ class DrivenArm:
             known = {"calibrated": corrector.calibrated, "inside": corrector.inside, "interval": corrector.interval}
             if isinstance(world.plant, CablePlant):
                 known["encoder"] = world.plant.external_encoders()
-        notes = [self._said[1]] if now - self._said[0] < _SAID_FOR_S else []
+        notes = [self._notice[1]] if now - self._notice[0] < _NOTICE_S else []
         kind = self._kinds.get(self.control)
         shot = Snapshot(
             state.time, plant.joint_names, plant.joint_units, state.q, setpoint, tau=state.tau, gravity=gravity,
@@ -427,7 +435,7 @@ class DrivenArm:
         )  # fmt: skip
         self._page.put(shot, self._values)
 
-    # what somebody changes
+    # changes of controls
 
     def _listen(self) -> None:
         for name, value in self._page.changes():
@@ -437,7 +445,7 @@ class DrivenArm:
                 self._say(str(error))
 
     def _go_to(self, j: int, value: float) -> None:
-        """Go where the sliders are; value [deg|mm]."""
+        """Go to the sliders' positions; value [deg|mm]."""
         self._goal = self._goal.copy()
         goal = value / DISPLAY[self._plant.joint_units[j]][1]
         self._goal[j] = np.clip(goal, self._plant.lower[j], self._plant.upper[j])
@@ -451,7 +459,7 @@ class DrivenArm:
         self._trajectory.follow(self._recipe)
 
     def _way(self, motion: str, q: Floats) -> Trajectory:
-        """Return what comes next of a motion that is not rest, from q (n,) [rad|m]."""
+        """Return the next part of a motion that is not rest, from q (n,) [rad|m]."""
         limits = finite_ranges(self._plant)
         if motion == _GO_TO:
             return gentle_way(q, np.clip(self._goal, limits.lower, limits.upper), limits.joint_units, speed=_QUICKER)
@@ -471,14 +479,14 @@ class DrivenArm:
             raise LeaveLoop(_ENABLE)
 
     def _change_level(self, level: str) -> None:
-        """Leave the loop, which pauses the arm, or reach the level at once."""
+        """Leave the loop, which pauses the arm, or change the level at once."""
         if not self._plant.operating_state().is_ready:
             self._reach_level(level)
         elif level != _ENABLE:
             raise LeaveLoop(level)
 
     def _reach_level(self, level: str) -> None:
-        """Enable or home the arm, or leave it paused; the robot decides."""
+        """Request the level from the robot: enable or home it, or leave it paused."""
         state = self._plant.operating_state().state
         if level in (_ENABLE, _HOME) and state != "ENABLED":
             self._plant.state_command("resume" if state == "PAUSED" else "enable")
@@ -486,7 +494,7 @@ class DrivenArm:
             self._plant.state_command("home")
 
     def _say(self, text: str) -> None:
-        self._said = (time.perf_counter(), text)
+        self._notice = (time.perf_counter(), text)
 
     # setting up
 

@@ -1,6 +1,6 @@
-"""The page in the browser: the one file that talks to viser; a state as HTML; who is let in.
+"""Page of the view in a browser, by viser: 3D scene, panels as HTML, curves, access control by token.
 
-Access have only browsers that opened the address of this run, token included.
+Only browsers with the token of this run's address are admitted.
 """
 
 import hmac
@@ -25,8 +25,8 @@ from catenary.view.shown import (
     Change,
     Control,
     Curves,
+    PageContent,
     Plot,
-    Shown,
     TipPaths,
     Value,
     accepted,
@@ -36,7 +36,7 @@ from catenary.view.shown import (
     scene_of,
 )
 
-_OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")  # any port: behind ssh -L it is another one
+_OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")  # any port: it differs behind ssh -L
 _REFUSED_TEXT = (
     "Refused: open the whole address that this run printed, at 127.0.0.1 or localhost, and from no other page.\n"
 )
@@ -45,10 +45,10 @@ _HEADERS = {"Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Fr
 
 @contextmanager
 def gated(token: str) -> Iterator[None]:
-    """Have servers that websockets opens meanwhile serve and accept only what asks for /TOKEN/ of their own address.
+    """Restrict servers opened by websockets in this context to requests of /TOKEN/ at their own address.
 
-    A browser says in Host under which name it knows the address, in Origin which page asks; a program sends no Origin.
-    viser has no hook for it: `websockets.asyncio.server.serve` is replaced.
+    A browser sends the name of the address in Host, and the requesting page in Origin; other programs send no Origin.
+    viser has no hook for it, so `websockets.asyncio.server.serve` is replaced.
     """
     from websockets.asyncio import server
 
@@ -79,7 +79,7 @@ def gated(token: str) -> Iterator[None]:
 
 
 def require_gate(host: str, port: int, token: str) -> None:
-    """Raise CatenaryError where a server lets in what has no token, as a later viser's may, or nothing with it."""
+    """Raise CatenaryError unless a server admits requests with the token only; later versions of viser might not."""
     upgrade = {"Connection": "Upgrade", "Upgrade": "websocket"}
     for path, headers, expected in (("/", {}, FORBIDDEN), ("/", upgrade, FORBIDDEN), (f"/{token}/", {}, OK)):
         with closing(HTTPConnection(host, port, timeout=30.0)) as connection:
@@ -95,7 +95,7 @@ _GRAVITY_COLOURS = {"measured": "#7a4fbf", "assumed": "#6d747e"}
 
 
 def status_html(state: Snapshot) -> str:
-    """Return what the robot does, and warnings."""
+    """Return the robot's state and warnings as HTML."""
     lines, warnings = [f"<b>{escape(state.state)}</b> &nbsp; {state.time:.1f} s"], state.warnings()
     lines += [f'<span style="color:#c0392b">&#9888; {escape(warning)}</span>' for warning in warnings]
     if not warnings:
@@ -103,8 +103,8 @@ def status_html(state: Snapshot) -> str:
     return _block("<br>".join(lines))
 
 
-def joints_html(shown: Shown, state: Snapshot) -> str:
-    """Return a table of the joints [deg|mm], a column in each arm's colour: calibrated with its interval, ? outside."""
+def joints_html(shown: PageContent, state: Snapshot) -> str:
+    """Return an HTML table of joint positions [deg|mm], a column per arm: calibrated with interval, ? out of range."""
     n = shown.model.n
     rows, intervals = joints_of(state, n), numbers(state.interval, n)
     arms = [name for name in rows if name in shown.legend]
@@ -130,7 +130,7 @@ def _square(colour: str, *, dashed: bool = False) -> str:
 
 
 def gravity_html(state: Snapshot) -> str:
-    """Return the gravity vectors and what tells them apart."""
+    """Return the gravity vectors and the angle between them as HTML."""
     lines = []
     for name, vector in (("measured", state.gravity), ("assumed", state.assumed)):
         if vector is not None:
@@ -144,46 +144,46 @@ def gravity_html(state: Snapshot) -> str:
 
 
 def legend_html(plot: Plot) -> str:
-    """Return the legend of a plot: each known curve's mark, name, and value now, or at the last time before."""
+    """Return the legend of a plot as HTML: mark, name and present value of each known curve."""
     place = int(np.searchsorted(plot.time, 0.0, side="right")) - 1
-    told = [
+    entries = [
         f'<span style="white-space:nowrap;padding-right:0.7em">{_square(curve.colour, dashed=curve.dashed)} '
         f"{escape(curve.label)} {curve.values[place]:.3g}</span>"
         for curve in plot.known()
         if curve.label
     ]
-    return _block(" ".join(told))
+    return _block(" ".join(entries))
 
 
 def _block(text: str) -> str:
     return f'<div style="font-size:0.75em;padding:0 0.9em 0.4em;line-height:1.5">{text}</div>'
 
 
-_HOST = "127.0.0.1"  # viser's own default is every address
+_HOST = "127.0.0.1"  # viser's default is every address
 _OPACITY = {"reported": 0.4, "calibrated": 0.55, "true": None}
-# shells about the true arm, so that those in the same place do not flicker; times the arm's length
+# offsets from the true arm, so that coincident arms do not flicker; times the arm's length
 _SHELL = {"reported": 0.006, "calibrated": 0.003, "true": 0.0}
 _ARROW_LENGTH = 0.35  # length of gravity's arrows at 9.81 m/s2, times the arm's
 _FROM_NOW = "s from now"
 _SKY_LIGHT = 2.0  # light from above and below, in addition to viser's own
-_PATH_LEAP_S = 5.0  # [s] from one picture to the next, beyond which a path is not drawn on
+_PATH_LEAP_S = 5.0  # [s] between two states, beyond which a path restarts
 _PLOT_ASPECT = 1.6
-_CURVES_WIDTH, _MAIN_WIDTH, _NARROW_WIDTH = 220, 300, 1000  # pixels; a window below the last has the curves folded away
+_CURVES_WIDTH, _MAIN_WIDTH, _NARROW_WIDTH = 220, 300, 1000  # pixels; curves are collapsed in windows below the last
 _PREPARING = "**Preparing the robot.** It is compiled (the first time up to a minute) and homed, then appears here."
 
 
 class ViserPage:
-    """A page on this machine that draws states, and tells what somebody changes on it."""
+    """Page on this machine that draws states, and reports changes of its controls."""
 
-    def __init__(self, shown: Shown, server: Any, tell: Callable[[Change], None]) -> None:
-        """Fill a page of `open_server`; what is changed on it is told in a thread of its own."""
+    def __init__(self, shown: PageContent, server: Any, tell: Callable[[Change], None]) -> None:
+        """Fill a page of `open_server`; `tell` is called with changes, in another thread."""
         self._shown, self._tell = shown, tell
         self._server = server
         self._paths = TipPaths(shown.shapes.length)
         self._curves = Curves(shown.model, shown.recording, shown.nominal_hz)
-        self._time = 0.0  # of the last picture
+        self._time = 0.0  # of the last state
         self._handles: dict[str, Any] = {}  # of controls
-        self._values: dict[str, Value] = {}  # of controls, as they were set last
+        self._values: dict[str, Value] = {}  # last values of controls
         self._joint = 0
         self._wanted = dict.fromkeys(ARMS, True)
         self._build_scene()
@@ -191,17 +191,17 @@ class ViserPage:
 
     @property
     def clients(self) -> int:
-        """How many browsers look."""
+        """Number of connected browsers."""
         return len(self._server.get_clients())
 
     def close(self) -> None:
         """Close the page."""
         self._server.stop()
 
-    # what changes
+    # updates
 
     def draw(self, state: Snapshot) -> None:
-        """Show a state in the picture; viser sends what differs."""
+        """Update the scene by a state; viser sends differences only."""
         scene = scene_of(self._shown.model, state)
         if not 0.0 <= state.time - self._time <= _PATH_LEAP_S:
             self.forget_paths()
@@ -223,7 +223,7 @@ class ViserPage:
                     arrow.points = np.array([[np.zeros(3), length * vector.round(3)]], np.float32)
 
     def write(self, state: Snapshot, values: Mapping[str, Value]) -> None:
-        """Show a state's words and numbers, and values of controls, less often than the picture."""
+        """Update texts by a state, and values of controls, less often than the scene."""
         self._status.content = status_html(state)
         self._joints.content = joints_html(self._shown, state)
         self._gravity.content = gravity_html(state)
@@ -233,7 +233,7 @@ class ViserPage:
                 self._handles[name].value = value
 
     def plot(self) -> None:
-        """Show the tips' paths and the curves of the states until now."""
+        """Update the tips' paths and the curves."""
         for name, path in self._path_nodes.items():
             if len(segments := self._paths.segments(name)):
                 path.points = segments.astype(np.float32)
@@ -244,7 +244,7 @@ class ViserPage:
                 legend.content = legend_html(plot)
 
     def forget_paths(self) -> None:
-        """Wipe the tips' paths."""
+        """Remove the tips' paths."""
         self._paths.clear()
         for path in self._path_nodes.values():
             path.points = np.zeros((1, 2, 3), np.float32)
@@ -256,7 +256,7 @@ class ViserPage:
         length, (centre, radius) = shown.shapes.length, extent_of(shown)
         scene.set_up_direction("+z")
         scene.configure_default_lights(cast_shadow=False)
-        # an environment map costs a browser that draws by software 4 s before the first picture
+        # an environment map costs a browser with software rendering 4 s before the first frame
         scene.configure_environment_map(hdri=None)
         scene.add_light_hemisphere("/sky", ground_color=(150, 150, 160), intensity=_SKY_LIGHT)
         floor = float(centre[2] - 1.05 * radius)
@@ -333,7 +333,7 @@ class ViserPage:
                 if name in shown.legend:
                     box = gui.add_checkbox(f"{shown.legend[name]} arm", True)
                     box.on_update(lambda event, name=name: self._wanted.__setitem__(name, event.target.value))
-            gui.add_button("Wipe the tip's paths").on_click(lambda _: self.forget_paths())
+            gui.add_button("Clear the tip's paths").on_click(lambda _: self.forget_paths())
         plots = gui.add_panel()
         plots.dock_left()
         plots.set_width(_CURVES_WIDTH)
@@ -349,7 +349,7 @@ class ViserPage:
         handle: Any
 
         def changed(event: Any) -> None:
-            if event.client is None:  # this program did it
+            if event.client is None:  # changed by this program
                 return
             value = accepted(control, given := event.target.value)
             if value != given:
@@ -372,7 +372,7 @@ class ViserPage:
 
 
 def open_server(port: int) -> tuple[Any, str]:
-    """Open an empty page on this port of this machine alone, or the next free one; return it and its address."""
+    """Open an empty page on a port of this machine only, or the next free one; return it and its address."""
     import viser  # takes most of a second
 
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
@@ -391,13 +391,13 @@ def _add_plot(gui: Any, plot: Plot, span: tuple[float, float]) -> Any:
 
     nothing = (np.zeros(1), np.zeros(1))
     series = (uplot.Series(label=_FROM_NOW), uplot.Series(label=""))
-    # seconds from now, so that the axis stays: the page keeps how far it is zoomed, and loses it on an axis that moves
+    # seconds from now on a fixed axis: the page keeps its zoom, which a moving axis would reset
     scales = {"x": uplot.Scale(time=False, range=span)}
     return gui.add_uplot(nothing, series, title=plot.title, aspect=_PLOT_ASPECT, scales=scales, legend={"show": False})
 
 
 def _draw_plot(handle: Any, plot: Plot) -> None:
-    """Draw the curves of which something is known; other series and titles only where they change, which is slow."""
+    """Draw the known curves; series and titles are only set if they change, which is slow."""
     from viser import uplot
 
     known = plot.known()
@@ -418,6 +418,6 @@ def _rgb(colour: str) -> tuple[int, int, int]:
 
 
 def _round(size: float) -> float:
-    """Return a length near this one that reads well: 1, 2 or 5 times a power of ten [m]."""
+    """Return the nearest round length [m]: 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(size))
     return float(power * min((1.0, 2.0, 5.0, 10.0), key=lambda x: abs(x - size / power)))

@@ -465,6 +465,6 @@ def check_gyroscope(recording: ImuRecording) -> tuple[list[str], bool]:
     if found.fault is not Fault.NONE:
         return [f"{found.fault.message}; {found.remedy}".rstrip("; ")], False
     noise = np.median([np.std(np.diff(recording.rate[r], axis=0), axis=0) for r in rows], axis=0) / np.sqrt(2.0)
-    if float(np.linalg.norm(noise)) > RestRate.ABSURD:
+    if float(np.linalg.norm(noise)) > RestRate.MAX_NOISE:
         return [f"{Fault.RATE_UNIT.message}: its noise at rest is {np.linalg.norm(noise):.2g}"], False
     return [], found.is_right
