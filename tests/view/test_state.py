@@ -11,7 +11,7 @@ from catenary.dynamics.kinematics import forward_kinematics, link_poses
 from catenary.sensing.vector import tilted_gravity
 from catenary.spatial import LEVEL, rotation_from_quaternion
 from catenary.view.page_process import _SHOWN_NOTES, PageProcess, newest, shortened
-from catenary.view.shown import _PATH_POINTS, TipPaths, base_orientation, scene_of
+from catenary.view.shown import _PATH_POINTS, TipPaths, base_orientation, scene_of_robot
 from view.arms import RAVEN, Q, state
 
 
@@ -53,7 +53,7 @@ def test_who_puts_states_is_not_held_up_by_a_page_that_never_takes_them_or_is_go
 
 def test_arms_stand_where_the_kinematics_say() -> None:
     moved = Q + 0.1
-    scene = scene_of(RAVEN, state(calibrated=moved))
+    scene = scene_of_robot(RAVEN, state(calibrated=moved))
     assert set(scene.arms) == {"reported", "calibrated"}  # nobody knows the true one
     for name, q in (("reported", Q), ("calibrated", moved)):
         rotations, positions = link_poses(RAVEN, q)
@@ -85,7 +85,7 @@ def test_base_is_turned_no_further_than_it_has_to_be() -> None:
 
 
 def test_gravity_is_an_arrow_as_long_as_one_on_earth() -> None:
-    scene = scene_of(RAVEN, state(gravity=np.array([0.0, 0.0, -9.81]), actual=np.array([0.0, 9.81, 0.0])))
+    scene = scene_of_robot(RAVEN, state(gravity=np.array([0.0, 0.0, -9.81]), actual=np.array([0.0, 9.81, 0.0])))
     assert scene.measured is not None
     assert np.linalg.norm(scene.measured) == pytest.approx(1.0)
     assert scene.assumed is None
@@ -96,7 +96,7 @@ def test_gravity_is_an_arrow_as_long_as_one_on_earth() -> None:
 def test_paths_keep_the_newest_points_and_leave_out_standing_still() -> None:
     paths = TipPaths(1.0)
     for k in range(3 * _PATH_POINTS):
-        scene = scene_of(RAVEN, state()._replace(q=Q + np.array([0.0, 0.0, 1e-3 * (k % 90)])))
+        scene = scene_of_robot(RAVEN, state()._replace(q=Q + np.array([0.0, 0.0, 1e-3 * (k % 90)])))
         paths.add(scene)
         paths.add(scene)
     assert len(paths.segments("reported")) <= _PATH_POINTS

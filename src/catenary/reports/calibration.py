@@ -209,7 +209,7 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
         *((name, card[name]) for name in ("instrument", "tool", "recorded") if card.get(name)),
         *([] if seconds is None else [("delay", f"{seconds:+.3f} s{corrected}")]),
         ("target", f"joint {card['target']}"),
-        ("inputs", shortened([entry["name"] for entry in card["inputs"]])),
+        ("inputs", first_names([entry["name"] for entry in card["inputs"]])),
         ("scaling", card["scaling"]),
         ("fitted to", f"{card['rows']:,} rows of {data}"),
         ("seed", str(card["run"]["seed"])),
@@ -217,8 +217,13 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
     ]
 
 
-def shortened(names: Sequence[str], most: int = 8) -> str:
-    """Return the first names of a list, and the number of the others."""
+def first_names(names: Sequence[str], most: int = 8) -> str:
+    """Return the first names of a list, and the number of the others.
+
+    Args:
+        names: The names.
+        most: Number of names to keep.
+    """
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 

@@ -119,7 +119,7 @@ def _add(memory: Any, dt: float, stamp: float, vector: Floats, turning: Floats) 
     m = memory[0]
     m.period += dt if m.period == 0.0 else 0.1 * (min(dt, 2.0 * m.period) - m.period)
     back = np.empty((3, 3))
-    turned_back(dt * turning, back)
+    turn_matrix(dt * turning, back)
     for k in range(_COUNT):
         _advance(m.states[k], m.covariance[k], min(dt / _LENGTHS[k], 5.0), back)
     _watch_swings(m, dt, vector)
@@ -254,7 +254,7 @@ def _at(memory: Any, age: float, turning: Floats, out: Floats) -> None:
     length, v = _LENGTHS[m.chosen], m.variance
     t = min(age, max(_MAX_EXTRAPOLATION * length, _MIN_EXTRAPOLATION_S)) / length
     state, back = m.states[m.chosen], np.empty((3, 3))
-    turned_back(age * turning, back)
+    turn_matrix(age * turning, back)
     for i in range(3):
         for j in range(3):
             out[0, i] += back[i, j] * (state[0, j] + t * (state[1, j] + 0.5 * t * state[2, j]))
@@ -265,8 +265,13 @@ def _at(memory: Any, age: float, turning: Floats, out: Floats) -> None:
 
 
 @compiled
-def turned_back(angle: Floats, out: Floats) -> None:
-    """Write the matrix (3, 3) that transforms a vector to axes turned by a rotation vector (3,) [rad]."""
+def turn_matrix(angle: Floats, out: Floats) -> None:
+    """Compute the matrix that transforms a vector to axes turned by a rotation vector.
+
+    Args:
+        angle: Rotation vector (3,) [rad].
+        out: Matrix (3, 3), written.
+    """
     x, y, z = angle[0], angle[1], angle[2]
     size = math.sqrt(x * x + y * y + z * z)
     s, c = (math.sin(size) / size, (1.0 - math.cos(size)) / size**2) if size > 1e-9 else (1.0, 0.5)

@@ -22,7 +22,12 @@ def winding_of(coupling: Numbers, q: Numbers) -> Vector:
 
 @inlined
 def joints_of(coupling: Numbers, winding: Vector) -> Vector:
-    """Return the joint positions (or velocities) of a winding (3,): the inverse of `winding_of`."""
+    """Return the joint positions (or velocities) of a winding: the inverse of `winding_of`.
+
+    Args:
+        coupling: Coefficients c01, c02, c12.
+        winding: Cable positions at the joints (3,).
+    """
     first = winding[0]
     second = winding[1] - coupling[0] * first
     return first, second, winding[2] - coupling[1] * first - coupling[2] * second
@@ -48,7 +53,12 @@ def joint_forces(coupling: Numbers, tension: Vector) -> Vector:
 
 @inlined
 def tensions_for(coupling: Numbers, force: Numbers) -> Vector:
-    """Return the cable tensions (3,) of joint torques (3,) [Nm, Nm, N]: the inverse of `joint_forces`."""
+    """Return the cable tensions of joint torques: the inverse of `joint_forces`.
+
+    Args:
+        coupling: Coefficients c01, c02, c12.
+        force: Joint torques (3,) [Nm, Nm, N].
+    """
     third = force[2]
     second = force[1] - coupling[2] * third
     return force[0] - coupling[0] * second - coupling[1] * third, second, third
@@ -59,7 +69,12 @@ MAX_LOSS = 0.3  # relative loss of stiffness
 
 @inlined
 def beyond_backlash(stretch: float, width: float) -> float:
-    """Return the stretch beyond a backlash of total width `width` (same unit); zero inside it."""
+    """Return the stretch beyond a backlash; zero inside it.
+
+    Args:
+        stretch: Stretch [rad or m].
+        width: Total width of the backlash, same unit.
+    """
     half = 0.5 * width
     if stretch > half:
         return stretch - half
@@ -86,6 +101,8 @@ def tension_of(
     Maxwell branch with state s_v, and a damper. The first two and the damper are the model of M. Miyasaka et
     al., "Hysteresis model of longitudinally loaded cable for cable driven robots", ICRA 2016; the Maxwell branch
     adds creep under load.
+
+    Args: with symbols and units at the signature.
     """
     return (
         elastic_share * stiffness * stretch

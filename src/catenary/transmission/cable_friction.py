@@ -24,7 +24,12 @@ from catenary.kernels.compiled import compiled, inlined
 
 @inlined
 def coulomb(velocity: float, most: float) -> float:
-    """Return the velocity after friction, which reduces its magnitude by at most `most`; zero if friction stops it."""
+    """Return the velocity after friction, which reduces its magnitude; zero if friction stops it.
+
+    Args:
+        velocity: Velocity before.
+        most: Largest reduction.
+    """
     if velocity > most:
         return velocity - most
     if velocity < -most:
@@ -147,7 +152,10 @@ def drag_state(
     moved: Floats,  # (n,) working memory; also the following
     slip: Floats,  # (m,)
 ) -> None:
-    """Advance a state to new motor positions (n,); a state of NaN starts there without forces."""
+    """Advance a state to new motor positions (n,); a state of NaN starts there without forces.
+
+    Args: with shapes at the signature.
+    """
     n, m = len(moved), len(slip)
     if np.isnan(state[0]):
         for i in range(len(state)):

@@ -31,9 +31,9 @@ from catenary.view.shown import (
     Value,
     accepted,
     extent_of,
-    joints_of,
+    joints_by_arm,
     numbers,
-    scene_of,
+    scene_of_robot,
 )
 
 _OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")  # any port: it differs behind ssh -L
@@ -106,7 +106,7 @@ def status_html(state: Snapshot) -> str:
 def joints_html(shown: PageContent, state: Snapshot) -> str:
     """Return an HTML table of joint positions [deg|mm], a column per arm: calibrated with interval, ? out of range."""
     n = shown.model.n
-    rows, intervals = joints_of(state, n), numbers(state.interval, n)
+    rows, intervals = joints_by_arm(state, n), numbers(state.interval, n)
     arms = [name for name in rows if name in shown.legend]
     lines = [_row("th", ["", *(f"{_square(_COLOURS[name])} {escape(shown.legend[name])}" for name in arms)])]
     for j, (joint, si) in enumerate(zip(shown.model.joint_names, shown.model.joint_units, strict=True)):
@@ -202,7 +202,7 @@ class ViserPage:
 
     def draw(self, state: Snapshot) -> None:
         """Update the scene by a state; viser sends differences only."""
-        scene = scene_of(self._shown.model, state)
+        scene = scene_of_robot(self._shown.model, state)
         if not 0.0 <= state.time - self._time <= _PATH_LEAP_S:
             self.forget_paths()
         self._time = state.time
