@@ -246,6 +246,7 @@ class MujocoPlant(SimulatedPlant):
         self._mode: Literal["brakes", "position", "torque"] = "brakes"
         self._command = np.zeros(n)  # torques that were asked for
         self._effort = np.zeros(n)  # torques that act
+        self.pushed_by = np.zeros(n)  # torques beside them, of what touches the arm: an operator's hand [Nm|N]
         self._setpoint = self._motion.start[self._joints.drive]
         self._effort_limit = np.array(model.effort_limit)
         self._setpoint_step = model.velocity_limit * PERIOD
@@ -364,6 +365,7 @@ class MujocoPlant(SimulatedPlant):
                 if self._mode == "position":
                     self._command[:] = servo_torques(joints, motion, tree, self._setpoint)
                 np.clip(self._command, -self._effort_limit, self._effort_limit, out=self._effort)
+                self._effort += self.pushed_by
             if not end_stage(joints, motion, tree, self._effort, stage, step):
                 return False
         return finish_step(joints, motion, step)
