@@ -74,9 +74,10 @@ def at(name):
     return numpy.array([last[name].x, last[name].y, last[name].z])
 def moved(before):
     return [1e3 * numpy.linalg.norm(at(name) - place) for name, place in before.items()]
-def for_a_while(seconds, do):
+def for_a_while(seconds, do, until=lambda: False):
     end = time.time() + seconds
-    while time.time() < end:
+    while time.time() < end and not until():
+        press("coag", 1)
         do()
         time.sleep(0.02)
 def grip(angle):
@@ -95,9 +96,9 @@ def carry(way, seconds):
 ral.spin()
 while len(last) < 2 or not jaw:
     time.sleep(0.1)
-for_a_while(6.0, lambda: press("coag", 1))
-for_a_while(0.5, lambda: grip(0.1))
-for_a_while(2.0, lambda: grip(0.8))
+begin = time.time()
+for_a_while(30.0, lambda: grip(0.8 if (time.time() - begin) % 2.0 < 1.0 else 0.1), until=lambda: jaw[-1] > 0.5)
+for_a_while(1.0, lambda: grip(0.8))
 before = {name: at(name) for name in last}
 carry((0.01, 0.02, 0.03), 2.0)
 time.sleep(1.0)
@@ -123,7 +124,7 @@ PROGRAMS = {
     "dvrk_mtm_test.py": Program(_DVRK, ("-a", "MTMR"), ("dvrk_mtm",), person=_PEDALS),
     "dvrk_mtm_cartesian_impedance.py": Program(_DVRK, ("-a", "MTMR"), ("dvrk_mtm",), person=_PEDALS),
     "dvrk_teleoperation.py": Program(
-        _DVRK, ("-m", "MTMR", "-p", "PSM1", "-i", "0.01"), ("dvrk_psm", "dvrk_mtm"), person=_OPERATOR
+        _DVRK, ("-m", "MTMR", "-p", "PSM1", "-i", "0.025"), ("dvrk_psm", "dvrk_mtm"), person=_OPERATOR
     ),
     "dvrk_move_wait_test.py": Program(_DVRK, ("-a", "PSM1"), enabled=True),  # enables what is enabled
     "crtk_servo_jp_example.py": Program("crtk_python_client", ("PSM1",), enabled=True),

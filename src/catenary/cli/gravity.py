@@ -21,13 +21,14 @@ from catenary.cli.robot_options import (
 )
 from catenary.cli.terminal import print_notes, print_result, prints_json
 from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller, make_hold
-from catenary.errors import InputError
+from catenary.errors import ClosedLoopError, InputError
 from catenary.tables import Column, Table
 from catenary.units import TORQUE_UNIT
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
     from catenary.control.loop_report import Holding, Tracking
+    from catenary.gravity.closed_robot import ClosedRobot
     from catenary.sensing.imu import SensedGravity
     from catenary.simulation.base_motion import MovingBase, Wave
     from catenary.workflows.trials import SimulatedArm
@@ -143,7 +144,13 @@ def gravity(
     from catenary.gravity.vendors import in_controller_base, vendor_command, vendor_of
     from catenary.spatial import LEVEL
 
-    model = loaded.load(robot)
+    try:
+        model = loaded.load(robot)
+    except ClosedLoopError as error:
+        if latex or vendor is not None:
+            raise InputError(f"--latex, --for: are of trees alone; {error}") from error
+        _show_closed(loaded.load_closed(robot), given, joints)
+        return
     model.require_masses()
     gravity = given.told(model)
     if latex:
@@ -167,16 +174,36 @@ def gravity(
         "delta": gravity_delta(model, values, gravity),  # for firmware that knows a level base only
         "base": model.base, **({} if told is None else {"vendor": told}),
     }  # fmt: skip
-    shown = ", ".join(f"{v:.4g}" for v in gravity)
-    axes = "base axes" if model.base == "base" else f"axes of {model.base}"
-    columns: list[Column] = ["joint", ("torque", ":.4f"), ("level base", ":.4f"), ("difference", ":+.4f"), "unit"]
-    apart = [here - there for here, there in zip(torques, on_level, strict=True)]
-    rows = list(zip(model.joint_names, torques, on_level, apart, units, strict=True))
-    title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
     command_line = None if told is None else f"{vendor}: {told['command'] or 'no command'}"
-    print_result(found, Table(columns, rows, title), command_line)
+    print_result(found, _held_still(found), command_line)
     if told is not None and not prints_json():
         print_notes([f"{vendor}: {told['limits']}"])
+
+
+def _held_still(found: dict[str, Any]) -> Table:
+    """Return the torques of a gravity command's content as a table."""
+    shown = ", ".join(f"{v:.4g}" for v in found["gravity"])
+    axes = "base axes" if found["base"] == "base" else f"axes of {found['base']}"
+    columns: list[Column] = ["joint", ("torque", ":.4f"), ("level base", ":.4f"), ("difference", ":+.4f"), "unit"]
+    apart = [here - there for here, there in zip(found["tau"], found["level"], strict=True)]
+    rows = list(zip(found["joints"], found["tau"], found["level"], apart, found["unit"], strict=True))
+    return Table(columns, rows, f"{found['robot']}: what holds it still under gravity ({shown}) m/s2 in {axes}")
+
+
+def _show_closed(robot: "ClosedRobot", given: GivenGravity, joints: JointOptions) -> None:
+    """Print the torques at the motors of a robot with closed loops."""
+    from catenary.gravity.mass_doubts import mass_doubts
+    from catenary.spatial import LEVEL
+
+    robot.opened.require_masses()
+    gravity, values = given.told(robot.opened), joints.of(robot)
+    tau, level = (robot.gravity_torque(values, vector).tolist() for vector in (gravity, LEVEL))
+    print_notes([*beyond_limits(robot, values), *given.doubts(gravity), *mass_doubts(robot.opened)])
+    found = {
+        "robot": robot.name, "joints": robot.joint_names, "q": list(values), "gravity": gravity, "tau": tau,
+        "unit": [TORQUE_UNIT[unit] for unit in robot.joint_units], "level": level, "base": robot.opened.base,
+    }  # fmt: skip
+    print_result(found, _held_still(found))
 
 
 def _unseen(model: "catenary.RobotModel", open_to: "Floats") -> list[str]:
