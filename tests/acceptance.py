@@ -63,9 +63,10 @@ while True:
 _OPERATOR = (
     _PERSON
     + """
+NAMES = "MTMR/measured_cp", "PSM1/setpoint_cp"
 last = {}
 ears = [ral.subscriber(f"/{name}", PoseStamped, lambda m, name=name: last.__setitem__(name, m.pose.position))
-        for name in ("MTMR/measured_cp", "PSM1/setpoint_cp")]
+        for name in NAMES]
 jaw = []
 ears.append(ral.subscriber("/PSM1/jaw/setpoint_js", JointState, lambda m: jaw.append(m.position[0])))
 hand = ral.publisher("/MTMR/hand/servo_cf", WrenchStamped)
@@ -99,13 +100,13 @@ while len(last) < 2 or not jaw:
 begin = time.time()
 for_a_while(30.0, lambda: grip(0.8 if (time.time() - begin) % 2.0 < 1.0 else 0.1), until=lambda: jaw[-1] > 0.5)
 for_a_while(1.0, lambda: grip(0.8))
-before = {name: at(name) for name in last}
+before = {name: at(name) for name in NAMES}
 carry((0.01, 0.02, 0.03), 2.0)
 time.sleep(1.0)
 led, followed = moved(before)
 press("clutch", 1)
 time.sleep(0.5)
-clutched = {name: at(name) for name in last}
+clutched = {name: at(name) for name in NAMES}
 carry((-0.01, -0.02, -0.03), 2.0)
 time.sleep(1.0)
 free, still = moved(clutched)
@@ -138,7 +139,7 @@ OVER = {
 BEFORE = "<!-- made by `make acceptance` -->"  # the table in a page
 EARLY, TRIES = "no data received yet", 5
 LIMIT = 600.0  # [s] of a program
-RATE = "200"  # [Hz] of what is served: a dVRK's is 100 to 200
+RATE = "100"  # [Hz] of what is served: a dVRK's is 100 to 200
 
 
 def recipe() -> str:
