@@ -102,7 +102,11 @@ for_a_while(30.0, lambda: grip(0.8 if (time.time() - begin) % 2.0 < 1.0 else 0.1
 for_a_while(1.0, lambda: grip(0.8))
 before = {name: at(name) for name in NAMES}
 carry((0.01, 0.02, 0.03), 2.0)
-time.sleep(1.0)
+def has_followed():
+    led, followed = moved(before)
+    return abs(followed - 0.2 * led) < 0.5
+time.sleep(0.5)
+for_a_while(10.0, lambda: None, until=has_followed)  # a busy machine is late
 led, followed = moved(before)
 press("clutch", 1)
 time.sleep(0.5)
