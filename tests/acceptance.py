@@ -169,6 +169,7 @@ def network(ros: str, programs: Path, folder: Path) -> Iterator[tuple[dict[str, 
     left_out = {*VARIABLES, "CYCLONEDDS_URI", "PYTHONPATH"}
     kept = {name: value for name, value in os.environ.items() if name not in left_out}
     named = {"ROS_VERSION": "2", "ROS_DOMAIN_ID": str(free_domain()), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    named["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"  # shared memory of programs that were killed makes others deaf
     yield {**kept, **named}, [f"PYTHONPATH={os.pathsep.join([*places, *path])}", str(place_of(ros) / "bin" / "python")]
 
 
