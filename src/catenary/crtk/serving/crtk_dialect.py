@@ -37,7 +37,7 @@ from catenary.crtk.serving.dialect import (
     joints_and_tool,
     single_number,
 )
-from catenary.crtk.serving.master_arm import Master, impedance
+from catenary.crtk.serving.master_arm import MasterArm, impedance
 from catenary.crtk.serving.served_arm import (
     BASE_FRAME,
     ServedArm,
@@ -139,9 +139,9 @@ def _emulate_tool_present(_: ServedArm, message: Message) -> None:
         raise InputError("the tool of the simulated arm cannot be taken off")
 
 
-def _master(arm: ServedArm) -> Master:
+def _master(arm: ServedArm) -> MasterArm:
     """Return what an MTM has beside other arms; no other one has a verb that asks for it."""
-    return cast(Master, arm.master)
+    return cast(MasterArm, arm.master)
 
 
 def _lock_orientation(arm: ServedArm, message: Message) -> None:

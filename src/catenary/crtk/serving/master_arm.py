@@ -20,7 +20,7 @@ _CLOSED_RAD = 0.0  # [rad] at and below which a gripper is closed: gripper_event
 _HAND_S = 0.1  # [s] that a push of the hand lasts
 
 
-class Master:
+class MasterArm:
     """Operator's side of an MTM: what holds its wrist, and what the operator's hand does to it."""
 
     def __init__(self) -> None:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.crtk.serving.master_arm import Master
+from catenary.crtk.serving.master_arm import MasterArm
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.state_machine import StateMachine
 from catenary.crtk.serving.tool_pose import ToolPose, ToolState
@@ -85,7 +85,7 @@ class ServedArm:
         """Take over a plant that `gravity_torque` holds still; a dVRK's, one of DVRK_ARMS, has joints per actuator."""
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
         self.reports, self.dvrk, self.joints_per_actuator = reports, dvrk, joints_per_actuator
-        self.master = Master() if dvrk == "MTM" else None
+        self.master = MasterArm() if dvrk == "MTM" else None
         self.names = plant.joint_names
         self.reported = self.names[:-1] if tool.jaw_is_apart else self.names  # joints of its joint states
         self.machine = StateMachine(plant, dialect)
