@@ -111,6 +111,7 @@ def holds_the_motion_once(folder: Path) -> None:
     assert (np.diff(places) < most).all()
 
 
+@pytest.mark.timeout(600.0 + 3.0 * TRIAL.duration)
 def test_a_trial_with_kills_a_restart_and_a_cut_cable_is_one_recording_of_each_second_once(tmp_path: Path) -> None:
     folder, motion = str(tmp_path / "project"), f"Advancing({TRIAL.duration})"
     served = (ENTER + PATIENT_COMMAND, "serve", "--ros", "2", "--homed", "--rate", "200")
