@@ -129,7 +129,7 @@ PROGRAMS = {
     "dvrk_mtm_test.py": Program(_DVRK, ("-a", "MTMR"), ("dvrk_mtm",), person=_PEDALS),
     "dvrk_mtm_cartesian_impedance.py": Program(_DVRK, ("-a", "MTMR"), ("dvrk_mtm",), person=_PEDALS),
     "dvrk_teleoperation.py": Program(
-        _DVRK, ("-m", "MTMR", "-p", "PSM1", "-i", "0.025"), ("dvrk_psm", "dvrk_mtm"), person=_OPERATOR
+        _DVRK, ("-m", "MTMR", "-p", "PSM1", "-i", "0.05"), ("dvrk_psm", "dvrk_mtm"), person=_OPERATOR
     ),
     "dvrk_move_wait_test.py": Program(_DVRK, ("-a", "PSM1"), enabled=True),  # enables what is enabled
     "crtk_servo_jp_example.py": Program("crtk_python_client", ("PSM1",), enabled=True),

@@ -126,6 +126,10 @@ def _weightless(robot: str | RobotModel, where: Simulated) -> MujocoPlant:
     return MujocoPlant(model, base=where.base, start=_STARTS.get(name), hardware=_DRIVES[name])
 
 
+def _of_dvrk(robot: str, arm: str, namespace: str) -> RobotKind:
+    return RobotKind(robot, robot, (), ("crtk",), _weightless, frozenset(), dvrk=arm, namespace=namespace)
+
+
 _OF_RAVEN = frozenset({"seed", "payload", "grav_dir"})
 _RIGID = RobotKind(
     "robots without cables", "", (), ("crtk",), _rigid, frozenset({"payload", "start", "hardware"})
@@ -134,19 +138,8 @@ _RECORDS = (
     RobotKind("raven2", "raven2_full", JOINTS, ("raven", "crtk"), _raven, _OF_RAVEN),
     RobotKind("raven2_right", "raven2_full_right", JOINTS, ("raven", "crtk"), _raven, _OF_RAVEN, "green"),
     RobotKind("dvrk_psm", "dvrk_psm", PSM_JOINTS, ("crtk",), _psm, frozenset({"seed"}), dvrk="PSM", namespace="/PSM1"),
-    *(
-        RobotKind(
-            f"dvrk_{arm.lower()}",
-            f"dvrk_{arm.lower()}",
-            (),
-            ("crtk",),
-            _weightless,
-            frozenset(),
-            dvrk=arm,
-            namespace=place,
-        )
-        for arm, place in (("MTM", "/MTMR"), ("ECM", "/ECM"))
-    ),
+    _of_dvrk("dvrk_mtm", "MTM", "/MTMR"),
+    _of_dvrk("dvrk_ecm", "ECM", "/ECM"),
 )
 KINDS: Mapping[str, RobotKind] = MappingProxyType({kind.robot: kind for kind in _RECORDS})
 PSM = KINDS["dvrk_psm"]

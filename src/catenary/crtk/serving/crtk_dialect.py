@@ -344,18 +344,14 @@ _SET: dict[str, Set] = {
 def _servo_cf(arm: ServedArm, message: Message, frame: FrameOfForces) -> None:
     """Exert a wrench, plus what holds the arm's weight where that was asked for."""
     frame = _frame_of(arm, frame)
-    is_in_base = frame is FrameOfForces.TOOL_IN_BASE_AXES
-    wrench = _wrench_of(arm, message) if is_in_base else _numbers_of_wrench(message)
+    wrench = _wrench_of(arm, message, frame)
     arm.push_with(lambda: torques_for(arm.measured_tool, wrench, frame))
 
 
-def _numbers_of_wrench(message: Message) -> Floats:
-    return as_array("wrench", [*message.wrench.force, *message.wrench.torque], (6,))
-
-
-def _wrench_of(arm: ServedArm, message: Message) -> Floats:
-    """Return a client's wrench (6,) in the arm's own axes."""
-    return arm.settings.unturned(_numbers_of_wrench(message).reshape(2, 3)).ravel()
+def _wrench_of(arm: ServedArm, message: Message, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
+    """Return a client's wrench (6,) in the arm's own axes, where it is in base axes."""
+    wrench = as_array("wrench", [*message.wrench.force, *message.wrench.torque], (6,))
+    return arm.settings.unturned(wrench.reshape(2, 3)).ravel() if frame is FrameOfForces.TOOL_IN_BASE_AXES else wrench
 
 
 def _servo_ci(arm: ServedArm, message: Message) -> None:
