@@ -1,6 +1,7 @@
-"""Run programs of others, as they are, against a served PSM, and print what came out as a table.
+"""Run programs of others, as they are, against the served arms of a dVRK, and print what came out as a table.
 
-    python -m tests.acceptance FOLDER [--over "ROS 1" --over "Kilted, DDS" ...] [--only dvrk_psm_test.py] [--page FILE]
+    python -m tests.acceptance FOLDER [--over "ROS 1" --over "Kilted, DDS" ...] [--only dvrk_psm_test.py] [--times N]
+        [--page FILE]
 
 FOLDER holds clones of jhu-dvrk/dvrk_python, collaborative-robotics/crtk_python_client and crtk_msgs. ROS 2 is an
 environment that .ci/ros2 made with all of crtk_msgs; PyKDL is found by PYTHONPATH. With --page the rows that were run
@@ -9,25 +10,130 @@ take their places in a page's table.
 
 import argparse
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from dds import VARIABLES, free_domain
 from ros import COMMAND, ROOT, running_master
 from ros2 import DISTRIBUTIONS, place_of, sourced
 
-# by name: clone, arguments, and whether the arm has to be enabled for them
+
+@dataclass(frozen=True)
+class Program:
+    """A program of others, what is served to it, and who works with it."""
+
+    clone: str
+    arguments: tuple[str, ...]
+    serves: tuple[str, ...] = ("dvrk_psm",)
+    enabled: bool = False  # whether the arms have to be
+    person: str = ""  # what a person does meanwhile, a program by crtk.ral; one without an end is interrupted after it
+
+
+# what a person does begins with this: pedals, and the hand of an operator
+_PERSON = """
+import os, sys, time
+import crtk, numpy
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from sensor_msgs.msg import JointState, Joy
+ral = crtk.ral("person")
+pedals = {name: ral.publisher(f"/footpedals/{name}", Joy) for name in ("coag", "clutch")}
+def press(name, value):
+    message = Joy()
+    message.axes, message.buttons = [0.0], [value]
+    pedals[name].publish(message)
+"""
+_PEDALS = (
+    _PERSON
+    + """
+while True:
+    for value in (1, 0):
+        press("coag", value)
+        time.sleep(0.4)
+"""
+)
+# is there, pinches, carries the master by its gripper, clutches, and looks whether the slave has followed
+_OPERATOR = (
+    _PERSON
+    + """
+NAMES = "MTMR/measured_cp", "PSM1/setpoint_cp"
+last = {}
+ears = [ral.subscriber(f"/{name}", PoseStamped, lambda m, name=name: last.__setitem__(name, m.pose.position))
+        for name in NAMES]
+jaw = []
+ears.append(ral.subscriber("/PSM1/jaw/setpoint_js", JointState, lambda m: jaw.append(m.position[0])))
+hand = ral.publisher("/MTMR/hand/servo_cf", WrenchStamped)
+fingers = ral.publisher("/MTMR/hand/servo_jp", JointState)
+def at(name):
+    return numpy.array([last[name].x, last[name].y, last[name].z])
+def moved(before):
+    return [1e3 * numpy.linalg.norm(at(name) - place) for name, place in before.items()]
+def for_a_while(seconds, do, until=lambda: False):
+    end = time.time() + seconds
+    while time.time() < end and not until():
+        press("coag", 1)
+        do()
+        time.sleep(0.02)
+def grip(angle):
+    fingers.publish(JointState(name=["gripper"], position=[angle]))
+def carry(way, seconds):
+    "Pull the master there as by a spring with a damper."
+    goal, before, then = at("MTMR/measured_cp") + way, at("MTMR/measured_cp"), time.time()
+    def pull():
+        nonlocal before, then
+        place, now, message = at("MTMR/measured_cp"), time.time(), WrenchStamped()
+        force = 30.0 * (goal - place) - 10.0 * (place - before) / max(now - then, 0.01)
+        message.wrench.force.x, message.wrench.force.y, message.wrench.force.z = force.tolist()
+        hand.publish(message)
+        before, then = place, now
+    for_a_while(seconds, pull)
+ral.spin()
+while len(last) < 2 or not jaw:
+    time.sleep(0.1)
+begin = time.time()
+for_a_while(30.0, lambda: grip(0.8 if (time.time() - begin) % 2.0 < 1.0 else 0.1), until=lambda: jaw[-1] > 0.5)
+for_a_while(1.0, lambda: grip(0.8))
+before = {name: at(name) for name in NAMES}
+carry((0.01, 0.02, 0.03), 2.0)
+def has_followed():
+    led, followed = moved(before)
+    return abs(followed - 0.2 * led) < 0.5
+time.sleep(0.5)
+for_a_while(10.0, lambda: None, until=has_followed)  # a busy machine is late
+led, followed = moved(before)
+press("clutch", 1)
+time.sleep(0.5)
+clutched = {name: at(name) for name in NAMES}
+carry((-0.01, -0.02, -0.03), 2.0)
+time.sleep(1.0)
+free, still = moved(clutched)
+press("clutch", 0)
+print(f"led {led:.1f} mm, followed {followed:.1f} mm, jaw {jaw[-1]:.2f} rad; clutched {free:.1f} mm, followed {still:.1f} mm")
+as_asked = led > 5.0 and abs(followed - 0.2 * led) < 0.5 and jaw[-1] > 0.9 and free > 5.0 and still < 0.5
+sys.stdout.flush()
+os._exit(0 if as_asked else 1)  # its thread of rclpy's is left as it is
+"""
+)
+_DVRK = "dvrk_python"
 PROGRAMS = {
-    "dvrk_psm_test.py": ("dvrk_python", ("-a", "PSM1"), False),
-    "dvrk_arm_test.py": ("dvrk_python", ("-a", "PSM1"), False),
-    "dvrk_move_wait_test.py": ("dvrk_python", ("-a", "PSM1"), True),  # enables what is enabled
-    "crtk_servo_jp_example.py": ("crtk_python_client", ("PSM1",), True),
-    "crtk_move_cp_example.py": ("crtk_python_client", ("PSM1",), True),
+    "dvrk_psm_test.py": Program(_DVRK, ("-a", "PSM1")),
+    "dvrk_arm_test.py": Program(_DVRK, ("-a", "PSM1")),
+    "dvrk_arm_test.py -a ECM": Program(_DVRK, ("-a", "ECM"), ("dvrk_ecm",)),
+    "dvrk_mtm_test.py": Program(_DVRK, ("-a", "MTMR"), ("dvrk_mtm",), person=_PEDALS),
+    "dvrk_mtm_cartesian_impedance.py": Program(_DVRK, ("-a", "MTMR"), ("dvrk_mtm",), person=_PEDALS),
+    "dvrk_teleoperation.py": Program(
+        _DVRK, ("-m", "MTMR", "-p", "PSM1", "-i", "0.05"), ("dvrk_psm", "dvrk_mtm"), person=_OPERATOR
+    ),
+    "dvrk_move_wait_test.py": Program(_DVRK, ("-a", "PSM1"), enabled=True),  # enables what is enabled
+    "crtk_servo_jp_example.py": Program("crtk_python_client", ("PSM1",), enabled=True),
+    "crtk_move_cp_example.py": Program("crtk_python_client", ("PSM1",), enabled=True),
 }
 # rows: distribution and how catenary speaks to it
 OVER = {
@@ -37,7 +143,7 @@ OVER = {
 BEFORE = "<!-- made by `make acceptance` -->"  # the table in a page
 EARLY, TRIES = "no data received yet", 5
 LIMIT = 600.0  # [s] of a program
-RATE = "200"  # [Hz] of what is served: a dVRK's is 100 to 200
+RATE = "100"  # [Hz] of what is served: a dVRK's is 100 to 200
 
 
 def recipe() -> str:
@@ -63,41 +169,81 @@ def network(ros: str, programs: Path, folder: Path) -> Iterator[tuple[dict[str, 
     left_out = {*VARIABLES, "CYCLONEDDS_URI", "PYTHONPATH"}
     kept = {name: value for name, value in os.environ.items() if name not in left_out}
     named = {"ROS_VERSION": "2", "ROS_DOMAIN_ID": str(free_domain()), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    named["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"  # shared memory of programs that were killed makes others deaf
     yield {**kept, **named}, [f"PYTHONPATH={os.pathsep.join([*places, *path])}", str(place_of(ros) / "bin" / "python")]
 
 
-def outcome(ros: str, by: str, program: str, programs: Path) -> str:
-    """Serve a PSM, run a program against it and say how it ended."""
-    clone, given, enabled = PROGRAMS[program]
-    with tempfile.TemporaryDirectory() as name, network(ros, programs, Path(name)) as (environment, (path, python)):
-        arguments = ["serve", "--robot", "dvrk_psm", "--homed", "--rate", RATE, "--ros", "1" if ros == "1" else "2"]
-        ours = {**environment, "PYTHONPATH": str(ROOT / "src")}
-        if ros != "1":
-            arguments += ["--transport", by]
-        if by == "rclpy":
-            ours |= {key: value for key, value in sourced(ros).items() if os.environ.get(key) != value}
-        with subprocess.Popen(
-            [sys.executable, "-u", "-c", COMMAND, *arguments, *(["--start"] if enabled else [])],
-            env=ours, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-        ) as server:  # fmt: skip
-            assert server.stdout is not None
-            server.stdout.readline()  # it runs
+def outcome(ros: str, by: str, name: str, programs: Path) -> str:
+    """Serve arms, run a program against them, with a person where it needs one, and say how it ended."""
+    program = PROGRAMS[name]
+    script = programs / program.clone / "scripts" / name.partition(" ")[0]
+    with tempfile.TemporaryDirectory() as folder, network(ros, programs, Path(folder)) as (environment, (path, python)):
+        theirs = ["env", path, python]
+        with ExitStack() as opened:
+            for robot in program.serves:
+                opened.enter_context(served(robot, ros, by, environment, program.enabled))
             begin = time.monotonic()
+            person = program.person and opened.enter_context(
+                running([*theirs, "-c", program.person], environment, stdout=subprocess.PIPE)
+            )
+            ran = opened.enter_context(
+                running(
+                    [*theirs, script, *program.arguments], environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE,
+                )
+            )  # fmt: skip
             try:
-                found = subprocess.run(
-                    ["env", path, python, programs / clone / "scripts" / program, *given],
-                    env=environment, input="\n" * 100, capture_output=True, text=True, timeout=LIMIT, check=False,
-                )  # fmt: skip
-                ended = f"{found.returncode}, {time.monotonic() - begin:.0f} s"
-                if found.returncode:
-                    said = (found.stderr.strip() or found.stdout.strip()).splitlines()
-                    ended += f": {'; '.join(line for line in said if 'Error' in line or ' ! ' in line) or said[-1]}"
+                if program.person == _OPERATOR:
+                    watched, _ = person.communicate(timeout=LIMIT)
+                    ran.send_signal(signal.SIGINT)
+                out, err = ran.communicate("\n" * 100, timeout=LIMIT)
             except subprocess.TimeoutExpired:
-                ended = f"no end within {LIMIT:.0f} s"
-            finally:
-                server.terminate()
-                server.stdout.read()
+                return f"no end within {LIMIT:.0f} s"
+            ended = f"{ran.returncode}, {time.monotonic() - begin:.0f} s"
+            if ran.returncode:
+                said = (err.strip() or out.strip()).splitlines()
+                ended += f": {'; '.join(line for line in said if 'Error' in line or ' ! ' in line) or said[-1]}"
+            elif program.person == _OPERATOR and person.returncode:
+                ended = f"did not follow: {watched.strip()}; {out.strip()}"
     return ended
+
+
+@contextmanager
+def running(command: list[str | Path], environment: dict[str, str], **pipes: Any) -> Iterator[subprocess.Popen[str]]:
+    """Yield a process that is ended on leaving."""
+    with subprocess.Popen(command, env=environment, text=True, **{"stderr": subprocess.DEVNULL, **pipes}) as process:
+        try:
+            yield process
+        finally:
+            process.terminate()
+            process.communicate()
+
+
+@contextmanager
+def served(robot: str, ros: str, by: str, environment: dict[str, str], enabled: bool) -> Iterator[None]:
+    """Serve an arm until left."""
+    arguments = [
+        "serve",
+        "--robot",
+        robot,
+        "--name",
+        robot,
+        "--homed",
+        "--rate",
+        RATE,
+        "--ros",
+        "1" if ros == "1" else "2",
+    ]
+    ours = {**environment, "PYTHONPATH": str(ROOT / "src")}
+    if ros != "1":
+        arguments += ["--transport", by]
+    if by == "rclpy":
+        ours |= {key: value for key, value in sourced(ros).items() if os.environ.get(key) != value}
+    command: list[str | Path] = [sys.executable, "-u", "-c", COMMAND, *arguments, *(["--start"] if enabled else [])]
+    with running(command, ours, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE) as server:
+        assert server.stdout is not None
+        server.stdout.readline()  # it runs
+        yield
 
 
 def tried(ros: str, by: str, program: str, programs: Path) -> str:
@@ -133,9 +279,10 @@ def main() -> int:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--over", action="append", choices=OVER)
     parser.add_argument("--only", action="append", choices=PROGRAMS)
+    parser.add_argument("--times", type=int, default=1)
     parser.add_argument("--page", type=Path)
     asked = parser.parse_args()
-    programs, rows = asked.only or list(PROGRAMS), {}
+    programs, rows = (asked.only or list(PROGRAMS)) * asked.times, {}
     head = f"| exit code, time | {' | '.join(f'`{one}`' for one in programs)} |\n|---|{'---|' * len(programs)}"
     say(head)
     faults = 0

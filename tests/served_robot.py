@@ -137,15 +137,16 @@ class ServedRobot:
 PSM_TOPICS = {topic.name: topic for topic in (*crtk_topics("PSM1", "/PSM1"), *console_topics("/PSM1"))}
 
 
-class ServedPsm(TickingClock):
-    """A PSM, homed and enabled unless it is another plant, which ticks while somebody sleeps."""
+class ServedDvrk(TickingClock):
+    """An arm of a dVRK which ticks while somebody sleeps."""
 
-    def __init__(self, plant: PsmPlant | None = None) -> None:
+    def __init__(self, robot: str, name: str, plant: Any) -> None:
         super().__init__(0.001)
         self.network = LoopbackNetwork(clock=self)
-        self.plant = homed_psm() if plant is None else plant
-        serving, carrier = Serving(robot="dvrk_psm", dialect="crtk"), Loopback("robot", self.network)
-        self.server = make_server(serving, carrier, plants={"PSM1": self.plant})
+        self.plant, self.arm = plant, f"/{name}"
+        self.topics = {topic.name: topic for topic in (*crtk_topics(name, self.arm), *console_topics(self.arm))}
+        serving, carrier = Serving(robot=robot, dialect="crtk"), Loopback("robot", self.network)
+        self.server = make_server(serving, carrier, plants={name: self.plant})
         self.client, self.commander = (Loopback(name, self.network) for name in ("client", "commander"))
         self._publishers: dict[str, Any] = {}
 
@@ -155,7 +156,7 @@ class ServedPsm(TickingClock):
 
     def hear(self, name: str) -> Subscription:
         """Subscribe to a topic."""
-        return self.client.subscribe(name, PSM_TOPICS[name].type, depth=10_000)
+        return self.client.subscribe(name, self.topics[name].type, depth=10_000)
 
     def last(self, name: str) -> Any:
         """The newest message of a topic within a tenth of a second."""
@@ -168,18 +169,18 @@ class ServedPsm(TickingClock):
     def say(self, name: str, message: Any, seconds: float = 0.02) -> None:
         """Publish, latched as dVRK's classes do, and wait."""
         if name not in self._publishers:
-            self._publishers[name] = self.commander.publisher(name, PSM_TOPICS[name].type, latch=True)
+            self._publishers[name] = self.commander.publisher(name, self.topics[name].type, latch=True)
         self._publishers[name].publish(message)
         self.sleep(seconds)
 
     def joints(self, verb: str, q: Any, seconds: float = 0.02, names: tuple[str, ...] = ()) -> None:
         """Say positions of the arm, or of its jaw."""
-        self.say(f"/PSM1/{verb}", JointState(name=names, position=np.asarray(q, dtype=float)), seconds)
+        self.say(f"{self.arm}/{verb}", JointState(name=names, position=np.asarray(q, dtype=float)), seconds)
 
     def wait(self, longest: float = 20.0) -> float:
         """Wait as CRTK's client does: until the arm is busy no more; return how long that took [s]."""
         for k in range(round(longest / 0.01)):
-            if not self.server.arms["PSM1"].state.is_busy:
+            if not self.server.arms[self.arm[1:]].state.is_busy:
                 return 0.01 * k
             self.sleep(0.01)
         raise AssertionError("busy for ever")
@@ -194,3 +195,10 @@ class ServedPsm(TickingClock):
     def refusals(self) -> list[str]:
         """What was refused since this was looked at last."""
         return [line for line in self.server.reports.take() if "refused" in line]
+
+
+class ServedPsm(ServedDvrk):
+    """A PSM, homed and enabled unless it is another plant."""
+
+    def __init__(self, plant: PsmPlant | None = None) -> None:
+        super().__init__("dvrk_psm", "PSM1", homed_psm() if plant is None else plant)

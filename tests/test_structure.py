@@ -75,7 +75,7 @@ def test_index_of_files_is_made_from_their_docstrings() -> None:
 
 PAGES = [ROOT / "README.md", ROOT / "Makefile", *sorted((ROOT / "docs").rglob("*.md"))]
 # scripts of other projects
-OF_OTHERS = r"run_r\w+|raven_py_controller|crtk_\w+_example|ral_ros1|utils|make_msgs|dvrk_\w+_test"
+OF_OTHERS = r"run_r\w+|raven_py_controller|crtk_\w+_example|ral_ros1|utils|make_msgs|dvrk_\w+_test|dvrk_teleoperation|dvrk_mtm_\w+"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

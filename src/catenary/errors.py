@@ -58,6 +58,10 @@ class UnsupportedModelError(CatenaryError, ValueError):
     """A robot description holds something that a tree of one-coordinate joints cannot represent."""
 
 
+class ClosedLoopError(UnsupportedModelError):
+    """A robot's loops are no tree's: its joints follow the motors otherwise than linearly."""
+
+
 class MissingInertiaError(CatenaryError, ValueError):
     """A torque or mass was asked of a model whose links lack the inertia that it needs.
 

@@ -5,6 +5,7 @@ every command and node. Whether an opened robot is enabled and homed is asked wh
 (`plant.require_ready`), and who else moves it by `CrtkClient.require_free`.
 """
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -17,7 +18,7 @@ from catenary.crtk.client import CrtkClient
 from catenary.crtk.dialects import dialect_named
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.transport import Transport
-from catenary.dvrk_psm import PSM_JOINTS, psm_topic
+from catenary.dvrk_psm import PSM_JOINTS
 from catenary.errors import InputError, UnsupportedModelError
 from catenary.gravity.payload import Payload
 from catenary.raven2.topics import JOINTS, Arm
@@ -29,6 +30,7 @@ from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import MujocoPlant
 from catenary.simulation.psm_plant import PsmPlant
 
+_log = logging.getLogger(__name__)
 SimulatedRobotPlant = CablePlant | PsmPlant | MujocoPlant
 
 
@@ -68,6 +70,16 @@ class RobotKind:
     simulate: Callable[[str | RobotModel, Simulated], SimulatedRobotPlant]  # just switched on
     options: frozenset[str]  # of _OPTIONS
     arm: Arm = "gold"  # of a RAVEN-II
+    dvrk: str = ""  # which of DVRK_ARMS it is
+    namespace: str | None = None  # of its topics where none is given
+
+    def place(self, namespace: str | None) -> str:
+        """Return the namespace of a dVRK's arm, its own when None; refuse one that is another arm's."""
+        place = f"/{(namespace or self.namespace or '').strip('/')}"
+        if not place.rpartition("/")[2].startswith(self.dvrk):
+            last = f"{self.dvrk}, as {self.namespace}"
+            raise InputError(f'namespace "{namespace}": expected one whose last word begins with {last}')
+        return place
 
 
 # fields of Simulated that only some kinds have, in words
@@ -95,6 +107,29 @@ def _rigid(robot: str | RobotModel, where: Simulated) -> MujocoPlant:
     return MujocoPlant(model, base=where.base, start=where.start, hardware=where.hardware, payload=payload)
 
 
+# drives of arms of which kinematics alone are published: rotors are ours, the MTM's friction is of Wang et al. 2019
+_DRIVES = {
+    "dvrk_mtm": JointHardware(
+        friction=(0.049, 0.032, 0.043, 0.029, 0.007, 0.0019, 0.0012),
+        damping=(0.049, 0.093, 0.062, 0.0048, 0.0007, 0.0023, 0.0001),
+        armature=(0.1, 0.1, 0.1, 0.01, 0.003, 0.003, 0.001),
+    ),
+    "dvrk_ecm": JointHardware(damping=(1.0, 1.0, 5.0, 0.05), armature=(1.0, 1.0, 5.0, 0.05)),
+}
+_STARTS = {"dvrk_ecm": (0.0, 0.0, 0.12, 0.0)}  # [rad, m] where the dVRK's simulated one stands
+
+
+def _weightless(robot: str | RobotModel, where: Simulated) -> MujocoPlant:
+    name = str(robot)
+    _log.warning('robot "%s": simulated without weight, on assumed rotors: kinematics alone are published', name)
+    model = load_robot(name, massless="all")
+    return MujocoPlant(model, base=where.base, start=_STARTS.get(name), hardware=_DRIVES[name])
+
+
+def _of_dvrk(robot: str, arm: str, namespace: str) -> RobotKind:
+    return RobotKind(robot, robot, (), ("crtk",), _weightless, frozenset(), dvrk=arm, namespace=namespace)
+
+
 _OF_RAVEN = frozenset({"seed", "payload", "grav_dir"})
 _RIGID = RobotKind(
     "robots without cables", "", (), ("crtk",), _rigid, frozenset({"payload", "start", "hardware"})
@@ -102,7 +137,9 @@ _RIGID = RobotKind(
 _RECORDS = (
     RobotKind("raven2", "raven2_full", JOINTS, ("raven", "crtk"), _raven, _OF_RAVEN),
     RobotKind("raven2_right", "raven2_full_right", JOINTS, ("raven", "crtk"), _raven, _OF_RAVEN, "green"),
-    RobotKind("dvrk_psm", "dvrk_psm", PSM_JOINTS, ("crtk",), _psm, frozenset({"seed"})),
+    RobotKind("dvrk_psm", "dvrk_psm", PSM_JOINTS, ("crtk",), _psm, frozenset({"seed"}), dvrk="PSM", namespace="/PSM1"),
+    _of_dvrk("dvrk_mtm", "MTM", "/MTMR"),
+    _of_dvrk("dvrk_ecm", "ECM", "/ECM"),
 )
 KINDS: Mapping[str, RobotKind] = MappingProxyType({kind.robot: kind for kind in _RECORDS})
 PSM = KINDS["dvrk_psm"]
@@ -195,8 +232,8 @@ def _kind(robot: str | RobotModel) -> RobotKind:
 
 def _over_topics(robot: str, where: OverTopics) -> CrtkReader:
     dialect, kind, namespace = spoken_dialect(robot, where.dialect), _kind(robot), where.namespace
-    if kind is PSM:
-        namespace = psm_topic(namespace or "/PSM1", "measured_js").name.rpartition("/")[0]
+    if kind.dvrk:
+        namespace = kind.place(namespace)
     return (CrtkReader if where.only_read else CrtkClient)(
         where.transport,
         dialect=dialect,

@@ -165,6 +165,20 @@ def test_a_client_that_enables_what_is_enabled_is_answered_over_and_over(psm):
         heard[0].take(), heard[2].take()
 
 
+@pytest.mark.parametrize(("age", "state"), [(3.0, "ENABLED"), (6.0, "DISABLED")])
+def test_a_program_that_begins_by_enable_is_obeyed_though_it_was_found_seconds_later(psm, age: float, state: str):
+    psm.plant.state_command("disable")
+    psm.sleep(7.0)
+    newcomer = Loopback("newcomer", psm.network)
+    commands = newcomer.publisher("/PSM1/state_command", "crtk_msgs/StringStamped", latch=True)
+    commands.publish(command_message("enable", psm.now() - round(1e9 * age)))
+    psm.sleep(0.1)
+    assert psm.server.arms["PSM1"].state.state == state
+    commands.publish(command_message("enable", psm.now() - 2_000_000_000))  # its second one is not
+    psm.sleep(0.1)
+    assert psm.server.arms["PSM1"].state.state == state
+
+
 def test_current_state_tells_that_an_arm_homes():
     psm = ServedPsm(PsmPlant())
     heard = psm.hear("/PSM1/current_state")  # latched

@@ -1,6 +1,7 @@
 """Recordings over a network that are interrupted: by a kill, a server that stands still, a master that dies."""
 
 import json
+import os
 import time
 from pathlib import Path
 
@@ -12,13 +13,15 @@ from catenary.crtk.message_bytes import codec
 from catenary.raven2.topics import state_column
 from catenary.recording.bag_reader import JournalReader
 from meeting import Meeting
-from oracles.waves import Waves
+from network_namespaces import ENTER, cable
+from oracles.waves import Advancing, Waves
 from patience import until
 from ros import PATIENT_COMMAND, Master, Program
 
 pytestmark = pytest.mark.slow
 
 MOTION = Waves(12.0, larger=2.0)
+TRIAL = Advancing(60.0 * float(os.environ.get("CATENARY_TRIAL_MINUTES", "0.5")))  # 20 are tried by hand
 EXCITE = """
 import sys
 from pathlib import Path
@@ -27,16 +30,15 @@ from catenary.crtk.network import make_transport
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.robot import RosRobot
 from catenary.workflows.robot.homing import AnswerYes
-from oracles.waves import Waves
+from oracles.waves import Advancing, Waves
 
 client.CrtkClient.__init__.__kwdefaults__ |= {"stale_after": 2.0, "connect_timeout": 60.0}
-ros, folder = sys.argv[1:]
+ros, folder, motion = sys.argv[1:]
 project = Project(Path(folder), ProjectSettings(connection=f"ros{ros}"))
 with make_transport(ros, "catenary_excite") as transport, project:
     robot = RosRobot(transport, AnswerYes(), simulated=True)
     robot.home(project)
-    motion = Waves(12.0, larger=2.0)
-    robot.record(project, "train", motion, "waves", after="home", progress=lambda done: print(done, flush=True))
+    robot.record(project, "train", eval(motion), "waves", after="home", progress=lambda done: print(done, flush=True))
 print("done", flush=True)
 """
 
@@ -56,33 +58,38 @@ def test_it_is_finished_with_no_sample_twice_and_none_missing_but_the_told_gaps(
     folder = tmp_path / "project"
     with Program(network, PATIENT_COMMAND, "serve", "--ros", ros, "--homed", "--rate", "200") as server:
         server.line()  # it is up
-        with Program(network, EXCITE, ros, str(folder)) as program:
+        with Program(network, EXCITE, ros, str(folder), "Waves(12.0, larger=2.0)") as program:
             driven_to(program, 0.35)  # killed
-        with Program(network, EXCITE, ros, str(folder)) as program:
+        with Program(network, EXCITE, ros, str(folder), "Waves(12.0, larger=2.0)") as program:
             driven_to(program, 0.6)
             with server.standing_still():
                 _, errors = program.finish()
             assert program.process.returncode == 1
             assert "nothing has come from the robot" in errors
-        with Program(network, EXCITE, ros, str(folder)) as program:
+        with Program(network, EXCITE, ros, str(folder), "Waves(12.0, larger=2.0)") as program:
             driven_to(program, 0.8)
             if isinstance(network, Master):
                 network.kill()
         if isinstance(network, Master):
             network.start()
-        with Program(network, EXCITE, ros, str(folder)) as program:
+        with Program(network, EXCITE, ros, str(folder), "Waves(12.0, larger=2.0)") as program:
             assert driven_to(program, 2.0)
     holds_the_motion_once(folder / "recordings" / "train")
     assert not (folder / "replaced").exists()
 
 
-def holds_the_motion_once(folder: Path) -> None:
-    """By its setpoints: where the joints then are differs from them by what cables and gears do."""
+def read(folder: Path) -> tuple[JournalReader, np.ndarray, np.ndarray]:
+    """Return a recording, its stamps (N,) [s] and setpoints (N, 3)."""
     reader = JournalReader(folder)
     decode = codec("raven_2/raven_state").decode
     messages = [decode(data) for name, _, data in reader.messages() if name == "/ravenstate"]
     stamps = 1e-9 * np.array([message.hdr.stamp for message in messages])
-    setpoints = np.array([state_column(message, "jpos_d") for message in messages])[:, : len(MOTION.start)]
+    return reader, stamps, np.array([state_column(message, "jpos_d") for message in messages])[:, : len(MOTION.start)]
+
+
+def holds_the_motion_once(folder: Path) -> None:
+    """By its setpoints: where the joints then are differs from them by what cables and gears do."""
+    reader, stamps, setpoints = read(folder)
     assert (np.diff(stamps) > 0.0).all()  # nothing twice
     assert (reader.lost, reader.ends_early) == (0, False)
     assert all("lacks its index, or part of it: it was cut off" in torn for torn in reader.damage)  # by kills
@@ -102,6 +109,52 @@ def holds_the_motion_once(folder: Path) -> None:
     # messages come 30 times a second, or more rarely on a machine that is busy: then it does four commands a tick
     most = 0.15 + np.where(apart < 1.5, 4.0 * apart, 0.0)
     assert (np.diff(places) < most).all()
+
+
+@pytest.mark.timeout(600.0 + 3.0 * TRIAL.duration)
+def test_a_trial_with_kills_a_restart_and_a_cut_cable_is_one_recording_of_each_second_once(tmp_path: Path) -> None:
+    folder, motion = str(tmp_path / "project"), f"Advancing({TRIAL.duration})"
+    served = (ENTER + PATIENT_COMMAND, "serve", "--ros", "2", "--homed", "--rate", "200")
+    with cable() as (robot, client):
+
+        def excite() -> Program:
+            return Program(client, ENTER + EXCITE, "2", folder, motion)
+
+        def ends(program: Program) -> None:
+            _, errors = program.finish()
+            assert program.process.returncode == 1
+            assert "nothing has come from the robot" in errors
+
+        with Program(robot, *served) as server:
+            server.line()  # it is up
+            with excite() as program:
+                driven_to(program, 0.2)  # killed
+            with excite() as program:
+                driven_to(program, 0.4)
+                with server.standing_still():
+                    ends(program)
+            with excite() as program:
+                driven_to(program, 0.6)
+                server.process.kill()
+                ends(program)
+        with Program(robot, *served) as server:
+            server.line()
+            with excite() as program:
+                driven_to(program, 0.8)
+                client.set("down")
+                ends(program)
+            client.set("up")
+            with excite() as program:
+                assert driven_to(program, 2.0)
+    reader, stamps, setpoints = read(tmp_path / "project" / "recordings" / "train")
+    assert (np.diff(stamps) > 0.0).all()
+    assert (reader.lost, reader.ends_early) == (0, False)
+    assert sum("cut off, and went on" in remark for remark in reader.problems) == 4
+    places = TRIAL.instants(setpoints)  # by its one joint that never comes by where it was
+    assert np.abs((setpoints - TRIAL.sample(places)[0]) / TRIAL.size)[:, :2].max() < 0.05
+    assert set(range(round(TRIAL.duration))) <= set(np.floor(places).astype(int))
+    assert -0.02 < np.diff(places).min()
+    assert (np.diff(places) < 0.15 + np.where(np.diff(stamps) < 1.5, 4.0 * np.diff(stamps), 0.0)).all()
 
 
 def test_what_others_do_is_recorded_on_after_a_kill_and_a_silence_is_told(meeting: Meeting, tmp_path: Path) -> None:

@@ -132,7 +132,7 @@ def test_a_project_homes_and_records_it_over_a_transport(tmp_path):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"robot": "panda"}, "expected raven2 or dvrk_psm"),
+        ({"robot": "panda"}, "expected one of raven2, dvrk_psm"),
         ({"robot": "dvrk_psm"}, "speaks crtk, not raven"),
         ({"robot": "dvrk_psm", "dialect": "crtk", "with_green": True}, "has no green arm"),
         ({"robot": "dvrk_psm", "dialect": "crtk", "namespace": "/MTML"}, "begins with PSM"),

@@ -12,6 +12,7 @@ from catenary.errors import CatenaryError, UnsupportedModelError
 from catenary.gravity.closed_robot import load_closed_robot
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
+from command_line import catenary, refusal
 from oracles.mujoco_loops import held
 
 SEGMENTS = ("l3", "l2", "l1", "l0")
@@ -158,6 +159,23 @@ def test_a_four_bar_in_a_table_holds_what_mujocos_does_however_it_is_assembled(t
         oracle = held(BARS, ["crank"], x, g)
         assert oracle.gap < 1e-9
         assert_allclose(robot.gravity_torque(q, g), oracle.torque, atol=1e-8)
+
+
+def test_the_command_gravity_holds_a_four_bar_by_its_motor_and_others_refuse_it(tmp_path):
+    path, where = tmp_path / "four_bar.toml", "crank = 60, coupler = -50, rocker = 70"
+    path.write_text(ROWS.format(rest=f"assembled_deg = {{ {where} }}"))
+    for options, place in ((("--q", "0.9"), 0.9), (("--q-deg", "60", "--payload", "0"), np.deg2rad(60.0))):
+        found = catenary("gravity", path, *options, "--base-tilt-deg", "10,0", "--json").json
+        assert found["joints"] == ["crank"]
+        expected = load_closed_robot(path).gravity_torque([place], found["gravity"])
+        assert_allclose(found["tau"], expected, atol=1e-12)
+    heavier = catenary("gravity", path, "--q", "0.9", "--payload", "1", "--payload-on", "coupler", "--json").json
+    assert abs(heavier["tau"][0] - heavier["level"][0]) < 1e-12 < abs(heavier["tau"][0] - found["level"][0])
+    assert "four_bar: what holds it still" in catenary("gravity", path, "--q", "0.9").out
+    assert "of trees alone" in refusal("gravity", path, "--latex")
+    assert "four_bar: give its 1 joints" in refusal("gravity", path)
+    for command in (("export", path, "--c", tmp_path / "a.h"), ("regressor", path)):
+        assert "catenary gravity and catenary.load_closed_robot have its torques" in refusal(*command)
 
 
 def test_a_loop_that_closes_far_from_where_it_is_said_to_be_assembled_is_refused(tmp_path):

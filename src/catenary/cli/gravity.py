@@ -1,7 +1,8 @@
 """catenary gravity, track and hold: torques under gravity, and simulated arms on bases that tilt and move."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,13 +22,14 @@ from catenary.cli.robot_options import (
 )
 from catenary.cli.terminal import print_notes, print_result, prints_json
 from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller, make_hold
-from catenary.errors import InputError
+from catenary.errors import ClosedLoopError, InputError
 from catenary.tables import Column, Table
 from catenary.units import TORQUE_UNIT
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
     from catenary.control.loop_report import Holding, Tracking
+    from catenary.plant import Jointed
     from catenary.sensing.imu import SensedGravity
     from catenary.simulation.base_motion import MovingBase, Wave
     from catenary.workflows.trials import SimulatedArm
@@ -138,12 +140,25 @@ def gravity(
 
     Example: catenary gravity raven2 --q 0,1.57,0.32 --base-tilt-deg 0,20
     """
+    import numpy as np
+
+    from catenary.arrays import Floats
+    from catenary.gravity.closed_robot import ClosedRobot
     from catenary.gravity.mass_doubts import mass_doubts
-    from catenary.gravity.torque import gravity_delta, gravity_torque, unseen_torque
+    from catenary.gravity.torque import gravity_torque, unseen_torque
     from catenary.gravity.vendors import in_controller_base, vendor_command, vendor_of
     from catenary.spatial import LEVEL
 
-    model = loaded.load(robot)
+    arm: catenary.RobotModel | ClosedRobot
+    held: Callable[..., Floats]
+    try:
+        arm = model = loaded.load(robot)
+        held = partial(gravity_torque, model)
+    except ClosedLoopError as error:
+        if latex or vendor is not None:
+            raise InputError(f"--latex, --for: are of trees alone; {error}") from error
+        arm = closed = loaded.load_closed(robot)
+        model, held = closed.opened, closed.gravity_torque
     model.require_masses()
     gravity = given.gravity_of(model)
     if latex:
@@ -156,34 +171,36 @@ def gravity(
     if vendor is not None:
         command = vendor_command(vendor, in_controller_base(vendor, model, gravity))
         vendor_says = {"command": command, "limits": vendor_of(vendor).limits}
-    values = joints.of(model)
-    torques, on_level = (gravity_torque(model, values, vector).tolist() for vector in (gravity, LEVEL))
-    units = [TORQUE_UNIT[unit] for unit in model.joint_units]
-    open_to = unseen_torque(model, values, gravity)
-    print_notes([*beyond_limits(model, values), *given.doubts(gravity), *mass_doubts(model), *_unseen(model, open_to)])
+    values = joints.of(arm)
+    torques, on_level = (held(values, vector).tolist() for vector in (gravity, LEVEL))
+    units = [TORQUE_UNIT[unit] for unit in arm.joint_units]
+    open_to = unseen_torque(model, values, gravity) if arm is model else np.zeros(arm.n)
+    print_notes(
+        [*beyond_limits(arm, values), *given.doubts(gravity), *mass_doubts(model), *_unseen(arm, model, open_to)]
+    )
     found = {
-        "robot": model.name, "joints": model.joint_names, "q": list(values), "gravity": gravity, "tau": torques,
+        "robot": arm.name, "joints": arm.joint_names, "q": list(values), "gravity": gravity, "tau": torques,
         "unit": units, "level": on_level, "unseen": open_to.tolist(),
-        "delta": gravity_delta(model, values, gravity),  # for firmware that knows a level base only
+        "delta": held(values, gravity - LEVEL),  # for firmware that knows a level base only
         "base": model.base, **({} if vendor_says is None else {"vendor": vendor_says}),
     }  # fmt: skip
     shown = ", ".join(f"{v:.4g}" for v in gravity)
     axes = "base axes" if model.base == "base" else f"axes of {model.base}"
     columns: list[Column] = ["joint", ("torque", ":.4f"), ("level base", ":.4f"), ("difference", ":+.4f"), "unit"]
     apart = [here - there for here, there in zip(torques, on_level, strict=True)]
-    rows = list(zip(model.joint_names, torques, on_level, apart, units, strict=True))
-    title = f"{model.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
+    rows = list(zip(arm.joint_names, torques, on_level, apart, units, strict=True))
+    title = f"{arm.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
     command_line = None if vendor_says is None else f"{vendor}: {vendor_says['command'] or 'no command'}"
     print_result(found, Table(columns, rows, title), command_line)
     if vendor_says is not None and not prints_json():
         print_notes([f"{vendor}: {vendor_says['limits']}"])
 
 
-def _unseen(model: "catenary.RobotModel", open_to: "Floats") -> list[str]:
+def _unseen(arm: "Jointed", model: "catenary.RobotModel", open_to: "Floats") -> list[str]:
     """Return a note on torques that the recordings of an identified robot did not show, with their size."""
     sizes = [
         f"{name} by up to {size:.2g} {TORQUE_UNIT[unit]}"
-        for name, unit, size in zip(model.joint_names, model.joint_units, open_to, strict=True)
+        for name, unit, size in zip(arm.joint_names, arm.joint_units, open_to, strict=True)
         if size > 0.005
     ]
     if not sizes:

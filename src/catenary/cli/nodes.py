@@ -35,9 +35,9 @@ _DURATION = option("S", "How long to run. [default: until Ctrl-C]", least=0.0)
 class ServedRobot:
     """Options of the robot that is served."""
 
-    robot: str = option("ROBOT", "Robot to simulate.", "raven2")
+    robot: str = option("ROBOT", "raven2, or of a dVRK dvrk_psm, dvrk_mtm or dvrk_ecm.", "raven2")
     dialect: str | None = option("|".join(DIALECTS), "Dialect of the topics. [default: the robot's own]")
-    namespace: str | None = option("/NAME", "Namespace of a dVRK PSM's topics. [default: /PSM1]")
+    namespace: str | None = option("/NAME", "Namespace of a dVRK arm's topics. [default: /PSM1, /MTMR, /ECM]")
     seed: int | None = SIMULATED_SEED
     base_tilt_deg: tuple[float, float] = replace(BASE_TILT, default=LEVEL_BASE)
     payload: float = option("KG", "Mass at the tool's wrist.", 0.0)
@@ -59,7 +59,7 @@ class ServedRobot:
         dialect: Any = self.dialect or ("raven" if is_raven else "crtk")
         base = tilted_base(self.base_tilt_deg)
         simulated = Simulated(self.seed, base, self.payload, homed=self.homed, grav_dir=self.grav_dir)
-        return Serving(self.robot, dialect, simulated, self.green, self.encoders, namespace=self.namespace or "/PSM1")
+        return Serving(self.robot, dialect, simulated, self.green, self.encoders, namespace=self.namespace)
 
 
 @_prints_json_lines

@@ -21,7 +21,8 @@ from catenary.units import from_display
 if TYPE_CHECKING:
     from catenary.arrays import Floats
     from catenary.crtk.transport import Transport
-    from catenary.plant import Jointed
+    from catenary.gravity.closed_robot import ClosedRobot
+    from catenary.plant import Bounded, Jointed
     from catenary.robots.model import Massless
     from catenary.workflows.robot.operated_robot import OperatedRobot
 
@@ -59,9 +60,27 @@ class LoadedOptions(DescriptionOptions):
 
     def load(self, robot: str) -> "catenary.RobotModel":
         """Return the robot of a name or a file, with what it carries."""
+        return self._carrying(
+            catenary.load_xacro(robot, massless=self.declared()) if self.xacro else super().load(robot)
+        )
+
+    def load_closed(self, robot: str) -> "ClosedRobot":
+        """Return the robot of a file whose loops are no tree's, with what it carries."""
+        from pathlib import Path
+
+        from catenary.gravity.closed_robot import ClosedRobot
+        from catenary.robots.catalog import load_open
+
+        model = load_open(Path(robot), massless=self.declared())
+        if self.strict and model.doubts:
+            raise InputError(f'robot "{model.name}": {"; ".join(model.doubts)}')
+        closed = ClosedRobot(model)
+        closed.opened = self._carrying(closed.opened)
+        return closed
+
+    def _carrying(self, model: "catenary.RobotModel") -> "catenary.RobotModel":
         from catenary.gravity.payload import Payload
 
-        model = catenary.load_xacro(robot, massless=self.declared()) if self.xacro else super().load(robot)
         if not self.payload:
             return model
         return Payload(self.payload, self.payload_on, self.payload_at, self.payload_inertia).on(model)
@@ -74,7 +93,7 @@ class JointOptions:
     q: Numbers | None = option("Q,Q,...", "Joint coordinates in rad and m.")
     q_deg: Numbers | None = option("Q,Q,...", "The same in deg and mm.")
 
-    def of(self, model: "catenary.RobotModel") -> "Floats":
+    def of(self, model: "catenary.RobotModel | ClosedRobot") -> "Floats":
         """Return them, (n,) in rad and m."""
         if (self.q is None) == (self.q_deg is None):
             from catenary.plant import joints_text
@@ -121,7 +140,7 @@ def some_joint_values(
     return values, chosen
 
 
-def beyond_limits(model: "catenary.RobotModel", values: "Floats") -> list[str]:
+def beyond_limits(model: "Bounded", values: "Floats") -> list[str]:
     """Return a remark on each joint that is beyond its limits, or on one."""
     return [
         f"{name}: {value:g} {unit} is {'on a limit' if low <= value <= high else 'outside its limits'}, "

@@ -18,18 +18,13 @@ class CollisionGuard:
         """Take an observer of the robot with what it carries, which knows its deviation."""
         if not np.isfinite(observer.deviation).all():
             raise InputError("collision guard: expected an observer with a deviation, given or learnt")
-        self.observer, self._time = observer, np.nan
+        self.observer = observer
         observer.reset()
 
     def __call__(self, tick: Tick) -> None:
         """Look at a tick; LimitError where something touches the robot."""
-        state, observer = tick.state, self.observer
-        elapsed, self._time = state.time - self._time, state.time
-        finite = all(np.isfinite(each).all() for each in (state.q, state.qd, state.tau))
-        if not (elapsed > 0.0 and finite):
-            return
-        observer.update(state.q, state.qd, state.tau, state.gravity, elapsed)
-        if joints := observer.collided:
+        observer = self.observer
+        if observer.follow(tick.state, tick.state.gravity) and (joints := observer.collided):
             k = observer.model.joint_names.index(joints[0])
             unit = TORQUE_UNIT[observer.model.joint_units[k]]
             values = observer.torque[k], observer.deviation[k], observer.sticking[k]

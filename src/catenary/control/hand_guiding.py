@@ -82,7 +82,6 @@ class HandGuiding(GravityHold):
         """Hold and weigh, whatever was carried."""
         self.observer.reset()
         self.load, self.mass_half_width = np.zeros(4), np.inf  # mass [kg], and times place in the frame [kg m]; [kg]
-        self._time = np.nan
         self._hold()
 
     @property
@@ -93,16 +92,14 @@ class HandGuiding(GravityHold):
     def torque(self, state: JointState, reference: Reference) -> Floats:
         """Return the torques (n,) [Nm|N] that carry arm and load, and hold it while it is weighed."""
         super().torque(state, reference)
-        if all(np.isfinite(each).all() for each in (state.q, state.qd, state.tau)):
+        if np.isfinite(state.q).all():
             down = state.gravity if self.gravity is None else self.gravity
             J = jacobian(self.model, state.q, self.frame)
             R = forward_kinematics(self.model, state.q, self.frame).rotation
             # what a load asks of the joints (n, 4): per kg at the frame, per kg m along each of its axes
             A = -np.column_stack([J[:3].T @ down, J[3:].T @ np.cross(R.T, down).T])
-            elapsed, self._time = state.time - self._time, state.time
-            if elapsed > 0.0:
-                self.observer.added_mass = self._mass_of_load(J, R)
-                self.observer.update(state.q, state.qd, state.tau, down, elapsed)
+            self.observer.added_mass = self._mass_of_load(J, R)
+            if elapsed := self.observer.follow(state, down):
                 self._decide(state, A, J[:3], down, elapsed)
             self.feedforward += A @ self.load
         self.feedback[:] = -self.damping * self.pd.kd * state.qd

@@ -62,8 +62,8 @@ class CrtkTopic:
     @property
     def is_latched(self) -> bool:
         """Whether whoever comes later gets its last message: what is said on change."""
-        is_told = _DVRK.get(self.verb, ("", "in"))[1] == "out" and self.verb not in ("measured_cs", ERROR)
-        return self.verb == "operating_state" or is_told
+        is_event = is_dvrks(self.verb) and self.direction == "out" and self.type in _TOLD_ON_CHANGE
+        return self.verb == "operating_state" or (is_event and self.verb != ERROR)
 
 
 _Verbs = dict[str, tuple[str, Direction]]  # verb: type, direction
@@ -115,6 +115,8 @@ _CRTK: _Verbs = {
     "use_gravity_compensation": (_SWITCH, "in"),
 }
 _RATIOS = ("ratio", "ratio_v", "ratio_a")
+# verbs of a gripper, below `jaw/`
+_JAW = ("measured_js", "setpoint_js", "servo_jp", "servo_jr", "servo_jf", "move_jp", "move_jr")
 # what an arm of sawIntuitiveResearchKit 2.x has besides [jhu-dvrk, ros/dvrk_robot/src/system_ROS.cpp]; out: on change
 _DVRK: _Verbs = {
     **dict.fromkeys(("current_state", "desired_state", ERROR), (TEXT, "out")),
@@ -122,23 +124,41 @@ _DVRK: _Verbs = {
     "measured_cs": (_CARTESIAN, "out"),
     "servo_cs": (_CARTESIAN, "in"),
     "servo_js": ("crtk_msgs/JointServo", "in"),
+    "servo_ci": ("crtk_msgs/CartesianImpedance", "in"),
     "goal_reached": (_SWITCH, "out"),
-    "tool_type": (TEXT, "out"),
     **{f"trajectory_j/{ratio}": (_NUMBER, "out") for ratio in _RATIOS},
     **{f"trajectory_j/set_{ratio}": (_NUMBER, "in") for ratio in _RATIOS},
     "set_base_frame": (_POSE, "in"),
-    "set_tool_type": (TEXT, "in"),
-    "emulate_tool_present": (_SWITCH, "in"),
+    # poses in its own base, where setup joints carry it on a cart
+    **{f"local/{verb}": (_POSE, "out") for verb in ("measured_cp", "setpoint_cp")},
 }
+_ANY_JAW: _Verbs = {f"jaw/{verb}": _CRTK[verb] for verb in _JAW}
+# what one kind of a dVRK's arms has; `hand/` is ours: what an operator's hand does to a simulated MTM
+DVRK_ARMS: dict[str, _Verbs] = {
+    "PSM": {"tool_type": (TEXT, "out"), "set_tool_type": (TEXT, "in"), "emulate_tool_present": (_SWITCH, "in")},
+    "MTM": {
+        "gripper/measured_js": (JOINT_STATE, "out"),
+        "gripper/closed": (_SWITCH, "out"),
+        "gripper/pinch": (SIGNAL, "out"),
+        "orientation_locked": (_SWITCH, "out"),
+        "lock_orientation": ("geometry_msgs/Quaternion", "in"),
+        "unlock_orientation": (SIGNAL, "in"),
+        "hand/servo_cf": (_WRENCH, "in"),
+        "hand/servo_jp": (JOINT_STATE, "in"),
+    },
+    "ECM": {"endoscope_type": (TEXT, "out"), "set_endoscope_type": (TEXT, "in")},
+}
+_ALL_DVRKS: _Verbs = _DVRK | {verb: kind for verbs in DVRK_ARMS.values() for verb, kind in verbs.items()}
+_TOLD_ON_CHANGE = (TEXT, _SWITCH, _NUMBER, STATISTICS)  # types
 _SETTINGS = frozenset(
     {GRAV_DIR, BUTTON[1:], "body/set_cf_orientation_absolute", "use_gravity_compensation"}
-    | {verb for verb, (_, direction) in _DVRK.items() if direction == "in" and not verb.startswith("servo")}
+    | {verb for verb, (_, way) in _ALL_DVRKS.items() if way == "in" and not verb.startswith("servo")}
 )
 
 
-def is_dvrks(verb: str) -> bool:
-    """Return whether a verb is one that a dVRK's arms have besides CRTK's."""
-    return verb in _DVRK or verb.startswith("local/")
+def is_dvrks(verb: str, kind: str | None = None) -> bool:
+    """Return whether a verb is one that a dVRK's arms have besides CRTK's; of one kind of `DVRK_ARMS` where given."""
+    return verb in (_ALL_DVRKS if kind is None else _DVRK | DVRK_ARMS.get(kind, {}))
 
 
 # verbs of a dVRK's console, which is called system since 2.4, and the state commands that they stand for
@@ -149,10 +169,6 @@ CONSOLE_COMMANDS = {
 }
 # what its classes wait for besides; a simulated console makes no sound
 _SOUNDS = {"console/set_volume": _NUMBER, "console/beep": _MATRIX, "console/string_to_speech": TEXT}
-# verbs below `local/` of an arm that the dVRK carries on setup joints: poses in its own base, not in the cart's
-_LOCAL = ("measured_cp", "setpoint_cp")
-# verbs of a gripper, below `jaw/`
-_JAW = ("measured_js", "setpoint_js", "servo_jp", "servo_jr", "servo_jf", "move_jp", "move_jr")
 
 
 def _below(place: str, verbs: _Verbs, arm: str | None = None, prefix: str = "") -> Iterator[CrtkTopic]:
@@ -197,9 +213,7 @@ def crtk_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTopi
     if namespace is None:
         return () if arm not in NAMESPACES else crtk_topics(arm, NAMESPACES[arm])
     words = namespace.strip("/")
-    below = {"jaw": _JAW, "local": _LOCAL}
-    verbs = _CRTK | {f"{place}/{verb}": _CRTK[verb] for place, verbs in below.items() for verb in verbs} | _DVRK
-    return tuple(_below(f"/{words}" if words else "", verbs, arm))
+    return tuple(_below(f"/{words}" if words else "", _CRTK | _ANY_JAW | _ALL_DVRKS, arm))
 
 
 def console_topics(namespace: str) -> tuple[CrtkTopic, ...]:

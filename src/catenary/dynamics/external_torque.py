@@ -14,6 +14,7 @@ from catenary.dynamics.actuation_loads import ActuationLoads
 from catenary.dynamics.inverse_dynamics import coriolis_matrix, inverse_dynamics, mass_matrix, motion_rows
 from catenary.dynamics.kinematics import jacobian
 from catenary.errors import InputError
+from catenary.plant import JointState
 from catenary.robots.model import RobotModel
 
 IN_95_PERCENT = 1.96  # standard deviations
@@ -160,6 +161,7 @@ class MomentumObserver:
     def reset(self) -> None:
         """Forget what was seen."""
         self._before: Floats | None = None
+        self._time = np.nan  # [s] of the last state
         self.torque, self.sticking = np.zeros((2, self.model.n))  # sticking: what dry friction may hide of each joint
 
     @property
@@ -195,6 +197,14 @@ class MomentumObserver:
         squares = np.where(count > 0.1 * len(found), sliding, beyond.mean(axis=0))
         self.deviation = np.maximum(np.sqrt(squares), _LEAST_DEVIATION)
         self.reset()
+
+    def follow(self, state: JointState, gravity: ArrayLike) -> float:
+        """Update by a robot's state; return the time since the last one [s], 0 where none passed or a number lacks."""
+        elapsed, self._time = state.time - self._time, state.time
+        if not (elapsed > 0.0 and all(np.isfinite(each).all() for each in (state.q, state.qd, state.tau))):
+            return 0.0
+        self.update(state.q, state.qd, state.tau, gravity, elapsed)
+        return elapsed
 
     def update(self, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, gravity: ArrayLike, dt: float) -> Floats:
         """Return the external torques (n,) [Nm or N] at q, qd, tau (n,), some dt [s] after the last ones."""

@@ -33,9 +33,9 @@ def load_closed_robot(source: str | Path, *, massless: Massless = ()) -> "Closed
 class ClosedRobot:
     """A robot with closed loops in the coordinates of its m motors.
 
-    `opened` is its tree of n joints, `joint_names` and `joint_units` are the motors'. Places of the motors, (m,) or
-    (N, m) [rad or m], are reached along a straight line from where the loops are assembled; InputError refuses those
-    beyond a dead centre.
+    `opened` is its tree of n joints; `joint_names`, `joint_units`, `lower` and `upper` are the motors'. Places of the
+    motors, (m,) or (N, m) [rad or m], are reached along a straight line from where the loops are assembled; InputError
+    refuses those beyond a dead centre.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -43,7 +43,8 @@ class ClosedRobot:
         if model.loops is None:
             raise InputError(f'robot "{model.name}": has no loop to close; catenary.load_robot loads it')
         self._chain = LoopChain(model)
-        self.opened = replace(model, loops=None)
+        self.opened, self.name = replace(model, loops=None), model.name
+        self.lower, self.upper = model.lower[self._chain.motors], model.upper[self._chain.motors]
         self.joint_names = tuple(model.joint_names[k] for k in self._chain.motors)
         self.joint_units = tuple(model.joint_units[k] for k in self._chain.motors)
 

@@ -19,10 +19,10 @@ from catenary.crtk.serving.server import ServedEncoders, Server
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import console_topics, crtk_topics
 from catenary.crtk.transport import Transport
-from catenary.dvrk_psm import psm_topic, psm_topics
+from catenary.dvrk_psm import psm_topic
 from catenary.dynamics.robot_kernels import gravity_kernel
 from catenary.errors import InputError
-from catenary.open_robot import KINDS, PSM, Simulated, open_robot, refuse_unsupported, spoken_dialect
+from catenary.open_robot import KINDS, PSM, RobotKind, Simulated, open_robot, refuse_unsupported, spoken_dialect
 from catenary.plant import JointState, OperatingState, Plant
 from catenary.raven2.topics import EXT_JPOS, JOINT_ENC, ROBOT
 from catenary.robots.catalog import load_robot
@@ -32,36 +32,36 @@ from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import LEVEL
 
 _CATCH_UP_S = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
-_SERVED_ROBOTS = ("raven2", "dvrk_psm")
+_SERVED_ROBOTS = ("raven2", *(name for name, kind in KINDS.items() if kind.dvrk))
 
 
 @dataclass(frozen=True)
 class Serving:
     """Settings of a served robot."""
 
-    robot: str = "raven2"  # or dvrk_psm, which speaks crtk
+    robot: str = "raven2"  # or an arm of a dVRK, which speaks crtk
     dialect: str = "raven"
     simulated: Simulated = field(default_factory=lambda: Simulated(homed=False))  # the robot that is served
     with_green: bool = False  # a green arm that moves, in place of a parked one
     with_encoders: bool = True  # publish a RAVEN-II's external encoders, in its dialect, or a PSM's tracker
-    namespace: str = "/PSM1"  # of a PSM
+    namespace: str | None = None  # of a dVRK's arm; its own when None
 
     def __post_init__(self) -> None:
         if self.robot not in _SERVED_ROBOTS:
             raise InputError(
-                f'robot "{self.robot}": expected {" or ".join(_SERVED_ROBOTS)}, the robots that can be served'
+                f'robot "{self.robot}": expected one of {", ".join(_SERVED_ROBOTS)}, the robots that can be served'
             )
         spoken_dialect(self.robot, self.dialect)
         refuse_unsupported(self.robot, self.simulated)
-        if self.is_psm:
+        if self.kind.dvrk:
             if self.with_green:
                 raise InputError(f"robot {self.robot}: has no green arm, which is a RAVEN-II's")
-            psm_topics(self.namespace)  # refuses a namespace that no PSM has
+            self.kind.place(self.namespace)  # refuses that of another arm
 
     @property
-    def is_psm(self) -> bool:
-        """Whether a PSM is served, a RAVEN-II otherwise."""
-        return self.robot == PSM.robot
+    def kind(self) -> RobotKind:
+        """What is served."""
+        return KINDS[self.robot]
 
 
 class ServerStatus(NamedTuple):
@@ -95,16 +95,18 @@ def make_server(
     reports = Reports()
     plants = _plants(serving) if plants is None else plants
     arms = {name: _served(name, plant, serving, reports) for name, plant in plants.items()}
-    place, is_raven = serving.namespace, DIALECTS[serving.dialect].has_run_levels
-    listed = (*crtk_topics(next(iter(arms)), place), *console_topics(place)) if serving.is_psm else None
+    is_raven, listed, is_psm = DIALECTS[serving.dialect].has_run_levels, None, serving.kind is PSM
+    if serving.kind.dvrk:
+        place = serving.kind.place(serving.namespace)
+        listed = (*crtk_topics(next(iter(arms)), place), *console_topics(place))
     speaker = DIALECTS[serving.dialect].serve(arms, listed)
     period = max(arm.plant.period for arm in arms.values())
     every = round(1.0 / (rate_hz * period)) if rate_hz > 0.0 else 0
     if every < 1 or abs(every * rate_hz * period - 1.0) > 0.01:
         raise InputError(f"rate: expected the robot's {1.0 / period:g} Hz divided by a whole number, got {rate_hz:g}")
-    measured = (psm_topic(place, "tracker/measured_js"),) if serving.is_psm else (JOINT_ENC, EXT_JPOS)
-    plant = next(iter(plants.values()))  # the gold arm, or the PSM
-    columns = {column.name for column in plant.columns if serving.with_encoders and (is_raven or serving.is_psm)}
+    measured = (psm_topic(place, "tracker/measured_js"),) if is_psm else (JOINT_ENC, EXT_JPOS)
+    plant = next(iter(plants.values()))  # the gold arm, or a dVRK's
+    columns = {column.name for column in plant.columns if serving.with_encoders and (is_raven or is_psm)}
     has_all = columns >= {topic.columns[0].name for topic in measured}
     encoders = ServedEncoders(transport, plant, measured) if has_all else None
     return Server(transport, arms, speaker, reports, button=is_raven, publish_every=every, encoders=encoders)
@@ -119,8 +121,8 @@ def _plants(serving: Serving) -> dict[str, Plant]:
             plant.state_command("pause" if DIALECTS[serving.dialect].has_run_levels else "disable")
         return plant
 
-    if serving.is_psm:
-        return {serving.namespace.strip("/"): opened(serving.robot)}
+    if serving.kind.dvrk:
+        return {serving.kind.place(serving.namespace)[1:]: opened(serving.robot)}
     gold = opened("raven2")
     if serving.with_green:
         return {"gold": gold, "green": opened("raven2_right")}
@@ -129,16 +131,26 @@ def _plants(serving: Serving) -> dict[str, Plant]:
 
 
 def _served(name: str, plant: Plant, serving: Serving, reports: Reports) -> ServedArm:
-    kind = PSM if serving.is_psm else KINDS[ROBOT[name]]
+    kind = serving.kind if serving.kind.dvrk else KINDS[ROBOT[name]]
     tool = ToolPose(load_robot(kind.whole), plant.joint_names)
     # a RAVEN-II's positioning joints alone are held against gravity; a load at the tool is unknown to it
-    model = load_psm().loaded_model() if kind is PSM else load_robot(kind.robot)
+    model = load_psm().loaded_model() if kind is PSM else load_robot(kind.robot, massless="all" if kind.dvrk else ())
     kernel, others = gravity_kernel(model), np.zeros(len(plant.joint_names) - model.n)
     return ServedArm(
         plant, serving.dialect, reports, arm=name, tool=tool,
         gravity_torque=lambda q, gravity: np.append(kernel(q[: model.n], gravity), others),
-        joints_per_actuator=joints_per_actuator(cast(PsmPlant, plant).firmware) if kind is PSM else None,
+        dvrk=kind.dvrk, joints_per_actuator=_joints_per_actuator(kind, plant),
     )  # fmt: skip
+
+
+def _joints_per_actuator(kind: RobotKind, plant: Plant) -> Floats | None:
+    """Return the matrix (n, n) from a dVRK's actuators to its joints."""
+    if kind is PSM:
+        return joints_per_actuator(cast(PsmPlant, plant).firmware)
+    coupling = np.eye(len(plant.joint_names))
+    if kind.dvrk == "MTM":  # its parallelogram [share/kinematic/MTMR.json]
+        coupling[2, 1], coupling[3, 1], coupling[3, 2] = -1.0, 0.6697, -0.6697
+    return coupling if kind.dvrk else None
 
 
 def prepare_server(server: Server) -> None:

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from catenary.arrays import Floats
 from catenary.config import Settings
-from catenary.errors import ConfigError, InputError, UnsupportedModelError
+from catenary.errors import ClosedLoopError, ConfigError, InputError, UnsupportedModelError
 from catenary.robots.cut import driven_by, own_coordinates
 from catenary.robots.model import Loop, Loops, RobotModel
 from catenary.spatial import Pose
@@ -205,7 +205,8 @@ def close_loops(model: RobotModel) -> RobotModel:
     """Return a robot in its motors' coordinates, whose passive joints follow them linearly.
 
     Raises:
-        UnsupportedModelError: They follow otherwise, or as `LoopChain`.
+        ClosedLoopError: They follow otherwise.
+        UnsupportedModelError: As of `LoopChain`.
     """
     if model.loops is None:
         return model
@@ -219,9 +220,9 @@ def close_loops(model: RobotModel) -> RobotModel:
     except InputError:
         is_linear = np.inf
     if not is_linear < _LINEAR:
-        raise UnsupportedModelError(
+        raise ClosedLoopError(
             f"{where}: a loop cannot be represented by a tree unless its joints follow the motors linearly, as a "
-            "parallelogram's do; catenary.load_closed_robot has its torques"
+            "parallelogram's do; catenary gravity and catenary.load_closed_robot have its torques"
         )
     held = np.round(chain.start - at_start @ chain.start[chain.motors], _DECIMALS)
     follow = ", ".join(model.joint_names[k] for k in chain.passive)

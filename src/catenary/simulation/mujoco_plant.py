@@ -260,6 +260,7 @@ class MujocoPlant(SimulatedPlant):
         self._mode: Literal["brakes", "position", "torque"] = "brakes"
         self._command = np.zeros(n)  # commanded torques
         self._effort = np.zeros(n)  # applied torques
+        self.pushed_by = np.zeros(n)  # external torques, such as of an operator's hand [Nm|N]
         self._setpoint = self._motion.start[self._joints.drive]
         self._effort_limit = np.array(model.effort_limit)
         self._setpoint_step = model.velocity_limit * PERIOD
@@ -378,6 +379,7 @@ class MujocoPlant(SimulatedPlant):
                 if self._mode == "position":
                     self._command[:] = servo_torques(joints, motion, tree, self._setpoint)
                 np.clip(self._command, -self._effort_limit, self._effort_limit, out=self._effort)
+                self._effort += self.pushed_by
             if not end_stage(joints, motion, tree, self._effort, stage, step):
                 return False
         return finish_step(joints, motion, step)

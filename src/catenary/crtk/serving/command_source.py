@@ -24,6 +24,9 @@ from catenary.crtk.topic_names import COMMAND, CrtkTopic
 from catenary.crtk.transport import Transport
 
 _OLDEST_STAMP_NS = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
+# [ns] the same of the state command by which a program begins that came after this server: over DDS it may take seconds
+# until both have found each other, and the program waits for the answer
+_FIRST_NS = 5 * SECOND
 _SETTLE_NS = SECOND  # [ns] after a connection to a client that was there before the server
 _DEAD_CLIENT_NS = 10 * SECOND  # [ns] for such a connection, where the client turns out to be dead
 _COMMAND_BYTES = 2048  # bytes of a command that is looked at, ours: what is larger costs a tick its time
@@ -108,7 +111,8 @@ class CommandSource:
         stamp = stamp_of(message)
         if stamp:
             stamp -= self._set
-            if now - stamp > _OLDEST_STAMP_NS:
+            begins = self.topic.commands_state and arrival.is_first and stamp > self._begin
+            if now - stamp > (_FIRST_NS if begins and arrival.process not in self._old else _OLDEST_STAMP_NS):
                 age = (now - stamp) / SECOND
                 self._reports.say(f"{self.topic.name}: old", f"stamped {age:.2f} s ago, not obeyed", now)
                 return False

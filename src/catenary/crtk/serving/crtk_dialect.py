@@ -12,13 +12,20 @@ says so in `result` and `message`, and moves nothing. [crtk_msgs: QueryForwardKi
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.crtk.message import Message, header, message_class
-from catenary.crtk.message_values import joint_values, operating_state_message, pose_message, pose_of, rotation_of
+from catenary.crtk.message_values import (
+    joint_state_message,
+    joint_values,
+    operating_state_message,
+    pose_message,
+    pose_of,
+    rotation_of,
+)
 from catenary.crtk.serving.dialect import (
     Dialect,
     MakeMessage,
@@ -30,6 +37,7 @@ from catenary.crtk.serving.dialect import (
     joints_and_tool,
     single_number,
 )
+from catenary.crtk.serving.master_arm import MasterArm, impedance
 from catenary.crtk.serving.served_arm import (
     BASE_FRAME,
     ServedArm,
@@ -40,11 +48,12 @@ from catenary.crtk.serving.served_arm import (
     servo_twist,
 )
 from catenary.crtk.serving.tool_pose import FrameOfForces, exerted, jacobian, torques_for
-from catenary.crtk.topic_names import STATISTICS, CrtkTopic, is_dvrks, topics
+from catenary.crtk.topic_names import SIGNAL, STATISTICS, CrtkTopic, is_dvrks, topics
 from catenary.errors import CatenaryError, InputError
 from catenary.spatial import Pose, rotation_from_vector, rotation_vector
 
 _TOOL_TYPE = "LARGE_NEEDLE_DRIVER:400006[..]"  # name:model[versions]; the tool of the catalogue's PSM
+_ENDOSCOPE = "Classic_SD_STRAIGHT"  # whose tip the catalogue's ECM has
 _CONVERT = "cisst_msgs/ConvertFloat64Array"
 Set = Callable[[ServedArm, Message], None]
 _Number, _Switch, _Text = (message_class(f"std_msgs/{name}") for name in ("Float64", "Bool", "String"))
@@ -95,6 +104,10 @@ _EVENTS = {  # a dVRK's
     "period_statistics": Event(
         lambda arm: arm.statistics, lambda told, stamp: message_class(STATISTICS)(header(stamp), *told)
     ),
+    "endoscope_type": Event(lambda _: _ENDOSCOPE, lambda tool, _: _Text(tool)),
+    "gripper/closed": Event(lambda arm: _master(arm).is_closed, lambda closed, _: _Switch(closed)),
+    "gripper/pinch": Event(lambda arm: _master(arm).pinches or None, lambda _, __: message_class(SIGNAL)()),
+    "orientation_locked": Event(lambda arm: _master(arm).locked is not None, lambda locked, _: _Switch(locked)),
     "tool_type": Event(lambda _: _TOOL_TYPE, lambda tool, _: _Text(tool)),
     "trajectory_j/ratio": Event(_ratio, lambda ratio, _: _Number(ratio)),
     "trajectory_j/ratio_v": Event(lambda arm: arm.settings.speed_ratio, lambda ratio, _: _Number(ratio)),
@@ -116,9 +129,9 @@ def _set_base_frame(arm: ServedArm, message: Message) -> None:
     arm.settings.base, arm.settings.base_name = pose_of(message), message.header.frame_id or BASE_FRAME
 
 
-def _set_tool_type(_: ServedArm, message: Message) -> None:
-    if message.data not in (_TOOL_TYPE, _TOOL_TYPE.partition("[")[0]):
-        raise InputError(f'tool "{message.data}": the simulated arm carries a {_TOOL_TYPE} and no other')
+def _set_tool_type(_: ServedArm, message: Message, carried: str = _TOOL_TYPE) -> None:
+    if message.data not in (carried, carried.partition("[")[0]):
+        raise InputError(f'tool "{message.data}": the simulated arm carries a {carried} and no other')
 
 
 def _emulate_tool_present(_: ServedArm, message: Message) -> None:
@@ -126,7 +139,23 @@ def _emulate_tool_present(_: ServedArm, message: Message) -> None:
         raise InputError("the tool of the simulated arm cannot be taken off")
 
 
+def _master(arm: ServedArm) -> MasterArm:
+    """Return what an MTM has beside other arms; no other one has a verb that asks for it."""
+    return cast(MasterArm, arm.master)
+
+
+def _lock_orientation(arm: ServedArm, message: Message) -> None:
+    """Hold an orientation, in the frame that clients chose, whenever torques or forces are commanded."""
+    place = arm.settings.unplaced(Pose(rotation_of(message), np.zeros(3)))
+    _master(arm).locked = place.rotation
+
+
 _SETTINGS: dict[str, Set] = {
+    "lock_orientation": _lock_orientation,
+    "unlock_orientation": lambda arm, _: arm.unlock(),
+    "hand/servo_cf": lambda arm, message: _master(arm).push(_wrench_of(arm, message), arm.measured.time),
+    "hand/servo_jp": lambda arm, message: _master(arm).set_gripper(single_number(message)),
+    "set_endoscope_type": partial(_set_tool_type, carried=_ENDOSCOPE),
     "trajectory_j/set_ratio": partial(_set_ratio, which=("speed_ratio", "acceleration_ratio")),
     "trajectory_j/set_ratio_v": partial(_set_ratio, which=("speed_ratio",)),
     "trajectory_j/set_ratio_a": partial(_set_ratio, which=("acceleration_ratio",)),
@@ -158,7 +187,7 @@ def kinematics_services(place: str, arm: ServedArm) -> Iterator[Service]:
 
     forward = answered(_FORWARD, lambda request: {"cp": local_pose(arm.settings.placed(tool(request)), 0).pose})
     yield Service(f"{place}/forward_kinematics", *forward)
-    if arm.tool.jaw_is_apart:
+    if arm.dvrk:
         local = answered(_FORWARD, lambda request: {"cp": local_pose(tool(request), 0).pose})
         yield Service(f"{place}/local/forward_kinematics", *local)
     yield Service(f"{place}/inverse_kinematics", *answered(_INVERSE, lambda request: {"jp": _joints_at(arm, request)}))
@@ -222,6 +251,7 @@ _MEASURED: dict[str, MakeMessage] = {**joints_and_tool(), "measured_cf": partial
 # what is published of each arm in every tick, verb by verb
 _PUBLISHED: dict[str, MakeMessage] = {
     **joints_and_tool(),
+    "gripper/measured_js": lambda arm, stamp: joint_state_message(("gripper",), stamp, [_master(arm).gripper]),
     "jaw/measured_js": lambda arm, stamp: jaw(arm, arm.measured, stamp),
     "jaw/setpoint_js": lambda arm, stamp: jaw(arm, arm.setpoint, stamp),
     "measured_cs": lambda arm, stamp: _measured_cs(arm, stamp),
@@ -293,7 +323,7 @@ class CrtkDialect(Dialect):
 def _has(arm: ServedArm, verb: str) -> bool:
     """Return whether an arm has what a verb needs."""
     if is_dvrks(verb):
-        return arm.tool.jaw_is_apart
+        return is_dvrks(verb, arm.dvrk) and arm.dvrk != ""
     if verb == "jaw/servo_jf":
         return arm.tool.has_jaws and "servo_jf_of" in arm.plant.supports
     return arm.tool.has_jaws or not verb.startswith("jaw/")
@@ -313,15 +343,42 @@ _SET: dict[str, Set] = {
 
 def _servo_cf(arm: ServedArm, message: Message, frame: FrameOfForces) -> None:
     """Exert a wrench, plus what holds the arm's weight where that was asked for."""
+    frame = _frame_of(arm, frame)
+    wrench = _wrench_of(arm, message, frame)
+    arm.push_with(lambda: torques_for(arm.measured_tool, wrench, frame))
+
+
+def _wrench_of(arm: ServedArm, message: Message, frame: FrameOfForces = FrameOfForces.TOOL_IN_BASE_AXES) -> Floats:
+    """Return a client's wrench (6,) in the arm's own axes, where it is in base axes."""
     wrench = as_array("wrench", [*message.wrench.force, *message.wrench.torque], (6,))
-    arm.push_with(torques_for(arm.measured_tool, wrench, _frame_of(arm, frame)))
+    return arm.settings.unturned(wrench.reshape(2, 3)).ravel() if frame is FrameOfForces.TOOL_IN_BASE_AXES else wrench
+
+
+def _servo_ci(arm: ServedArm, message: Message) -> None:
+    """Push towards a goal by its gains, in the frame that clients chose; `body/servo_cf` is in base axes from now on.
+
+    [mtsIntuitiveResearchKitArm::servo_ci]
+    """
+
+    def torques() -> Floats:
+        tool, settings = arm.measured_tool, arm.settings
+        wrench = impedance(message, settings.placed(tool.pose), settings.turned(tool.twist.reshape(2, 3)).ravel())
+        return torques_for(tool, settings.unturned(wrench.reshape(2, 3)).ravel(), FrameOfForces.TOOL_IN_BASE_AXES)
+
+    arm.settings.forces_in_base_axes = True
+    arm.push_with(torques)
+
+
+def _servo_jf(arm: ServedArm, message: Message) -> None:
+    tau = _numbers(arm, message, "effort")
+    arm.push_with(lambda: tau)
 
 
 def _jaw_servo_jf(arm: ServedArm, message: Message) -> None:
     """Push the jaws' opening with a torque, the same on each; the arm holds."""
     tau = np.full(len(arm.names), np.nan)
     tau[-arm.tool.jaws :] = as_array("JointState.effort", message.effort, (1,))
-    arm.push_with(tau)
+    arm.push_with(lambda: tau)
 
 
 def _numbers(arm: ServedArm, message: Message, field: str = "position", *, rest: Floats | None = None) -> Floats:
@@ -389,7 +446,7 @@ def _servo_js(arm: ServedArm, message: Message) -> None:
     if (modes & _EFFORT > 0).any():
         if not (modes == _EFFORT).all() or len(modes) != n:
             raise InputError("servo_js: efforts beside positions or velocities: the arm takes either, of all joints")
-        arm.push_with(_numbers(arm, message, "effort"))
+        _servo_jf(arm, message)
         return
 
     def numbers(field: str, bit: int, rest: Floats) -> Floats:
@@ -443,12 +500,13 @@ _OBEYED: dict[str, Obey] = {
     "servo_jp": _servo_jp,
     "servo_jr": lambda arm, message: arm.increment(_increments(arm, message)),
     "servo_jv": lambda arm, message: arm.run_at(_increments(arm, message, "velocity")),
-    "servo_jf": lambda arm, message: arm.push_with(_numbers(arm, message, "effort")),
+    "servo_jf": _servo_jf,
     "servo_cp": lambda arm, message: servo_pose(arm, arm.settings.unplaced(pose_of(message))),
     "servo_cr": lambda arm, message: servo_pose_increment(arm, *_step_of(arm, message)),
     "servo_cv": _servo_cv,
     "servo_js": _servo_js,
     "servo_cs": _servo_cs,
+    "servo_ci": _servo_ci,
     **{f"{frame.value}servo_cf": partial(_servo_cf, frame=frame) for frame in FrameOfForces},
     "move_jp": lambda arm, message: arm.move(joint_move(arm, _goal(arm, message))),
     "move_jr": lambda arm, message: arm.move(joint_move(arm, arm.setpoint.q + _increments(arm, message))),

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from catenary.arrays import Floats, as_array
+from catenary.crtk.serving.master_arm import MasterArm
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.serving.state_machine import StateMachine
 from catenary.crtk.serving.tool_pose import ToolPose, ToolState
@@ -62,7 +63,7 @@ class ArmSettings:
 class _Push(NamedTuple):
     """Torques that were commanded."""
 
-    tau: Floats  # (n,), NaN for a joint that holds its setpoint
+    torques: Callable[[], Floats]  # (n,) of this tick, NaN for a joint that holds its setpoint
     until: float  # tick at which they lapse
 
 
@@ -78,11 +79,13 @@ class ServedArm:
         arm: str,
         tool: ToolPose,
         gravity_torque: GravityTorque,
+        dvrk: str = "",
         joints_per_actuator: Floats | None = None,
     ) -> None:
-        """Take over a plant that `gravity_torque` holds still; a dVRK's arm has (n, n) joints per actuator."""
+        """Take over a plant that `gravity_torque` holds still; a dVRK's, one of DVRK_ARMS, has joints per actuator."""
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
-        self.reports, self.joints_per_actuator = reports, joints_per_actuator
+        self.reports, self.dvrk, self.joints_per_actuator = reports, dvrk, joints_per_actuator
+        self.master = MasterArm() if dvrk == "MTM" else None
         self.names = plant.joint_names
         self.reported = self.names[:-1] if tool.jaw_is_apart else self.names  # joints of its joint states
         self.machine = StateMachine(plant, dialect)
@@ -147,22 +150,31 @@ class ServedArm:
         step = self._clamped(qd * self.plant.period)
         self._do(self.setpoint.q + step for _ in range(self._follow_ticks + 1))
 
-    def push_with(self, tau: Floats) -> None:
-        """Command torques (n,) for 0.1 s, plus gravity's where asked for; a joint with NaN holds its setpoint."""
+    def push_with(self, torques: Callable[[], Floats]) -> None:
+        """Command torques (n,) for 0.1 s, plus gravity's where asked for; a joint with NaN holds its setpoint.
+
+        An MTM exerts them until something else is commanded, as the dVRK does: nobody could feel it otherwise.
+        """
         if "servo_jf" not in self.plant.supports:
             raise InputError("the arm takes no torques")
-        if np.isnan(tau).any() and "servo_jf_of" not in self.plant.supports:
+        if np.isnan(torques()).any() and "servo_jf_of" not in self.plant.supports:
             raise InputError("the arm takes torques of all its joints only")
         if self._push is None:
             self._do(self._exert())
             self._jaw = self._jaw_wanted = None
-        self._push = _Push(tau, self.tick + self._follow_ticks)
+        self._push = _Push(torques, np.inf if self.master else self.tick + self._follow_ticks)
 
     def go_limp(self) -> None:
         """Command zero torque, or gravity's alone, until something else is commanded."""
-        torques = np.zeros(len(self.names))
-        self.push_with(torques)
-        self._push = _Push(torques, np.inf)
+        none = np.zeros(len(self.names))
+        self.push_with(lambda: none)
+        self._push = _Push(lambda: none, np.inf)
+        self.unlock()
+
+    def unlock(self) -> None:
+        """Let an MTM's wrist turn freely again."""
+        if self.master is not None:
+            self.master.locked = None
 
     def move(self, make: Callable[[], Trajectory]) -> None:
         """Follow a trajectory from the setpoint, busy until it ends; the last one of a tick is made, at its end."""
@@ -236,6 +248,8 @@ class ServedArm:
             elif self._was_ready:
                 self.hold()
             self._was_ready = ready
+            if self.master is not None:
+                cast(Any, self.plant).pushed_by[:] = self.master.hand(self.measured_tool, self.measured.time)
             self.plant.wait()
         except CatenaryError as error:
             # a stop that was not found, a trip between two lines: the server goes on
@@ -336,7 +350,9 @@ class ServedArm:
 
     def _exert(self) -> Iterator[Floats | None]:
         while self._push is not None and self.tick < self._push.until:
-            tau, q = self._push.tau, self.measured.q
+            tau, q = self._push.torques(), self.measured.q
+            if self.master is not None:
+                tau = tau + self.master.lock(self.measured_tool)
             if self.settings.compensates_gravity:
                 tau = tau + self.gravity_torque(q, self.measured.gravity)
             self._pushed = tau

@@ -13,7 +13,7 @@ and the arm's acceleration take of them is in it: at rest an arm "exerts" what i
 from collections.abc import Callable
 from enum import Enum
 from functools import cached_property
-from math import hypot
+from math import atan2, hypot
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from catenary.errors import InputError, UnreachablePoseError
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, identity_pose
 
+_ECM_JOINTS = 4  # joints of a dVRK's ECM: three bring its tip to a place, the last one turns it about its axis
 _SEARCH_STEPS = 15  # steps of a search from the pose before, or 75 mm beside: a tick has no time for more
 
 
@@ -63,6 +64,10 @@ class ToolPose:
         self.require_reach(pose)
         start = np.clip(self.to_model @ near, self.model.lower, self.model.upper)
         found = inverse_kinematics(self.model, pose, start, max_iterations=steps)
+        if self.model.n == _ECM_JOINTS:
+            turn = forward_kinematics(self.model, found).rotation.T @ pose.rotation
+            found[-1] += atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
+            found = np.clip(found, self.model.lower, self.model.upper)
         return self.from_model @ found + near - self.from_model @ (self.to_model @ near)
 
     def require_reach(self, pose: Pose) -> None:
