@@ -7,16 +7,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.calibration.conformal import unseen_by_blocks
 from catenary.calibration.corrector import Corrector
+from catenary.calibration.dataset import calibration_data
+from catenary.calibration.evaluate import CrossValidation, evaluate
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.intervals import MAX_HALF_RANGES, Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import JointState, MotionLog
+from catenary.verdict.delay import Delay
+from drawn_arms.arm import Arm
 from oracles.calibration_models import random_model
 from recordings import recording
 from tests.truth.recordings import raven
+from tests.truth.spoilings import late
 
 RNG = np.random.default_rng(0)
 SIGNALS = np.cumsum(0.2 * RNG.normal(size=(300, 5)), axis=0)  # three positions, two torques
@@ -167,3 +173,44 @@ def test_a_line_learnt_where_joints_move_together_is_doubted_where_they_do_not(m
     """Products of inputs explain a zig-zag as well: what they say elsewhere is what its minutes cannot tell."""
     notes = fit_logs(raven(motion).logs, FitOptions(kind="linear"), FitRun()).notes
     assert any("where joints meet" in note for note in notes) == doubted
+
+
+@pytest.mark.parametrize("motion", ["zigzag", "random"])
+def test_a_claim_holds_where_one_joint_alone_is_late(motion: str) -> None:
+    """An even speed hides a lag in hysteresis, so that the claim is as wide as the joint's own delay may be."""
+    arm = Arm(8)
+    log, test = arm.moved(motion, 1, 120.0).log, arm.moved(motion, 2, 60.0).log
+    spoilt = fit_logs([late(log, 0.05, slice(1, 2))], FitOptions(), FitRun())
+    found = evaluate(spoilt.model, calibration_data([test], spoilt.model.features)).joints[1]
+    stated = spoilt.spread[1]
+    assert stated.rmse_low is not None
+    assert stated.rmse_high is not None
+    assert 0.87 * stated.rmse_low < found.rmse < 1.15 * stated.rmse_high
+    assert found.coverage > 0.8
+
+
+def moving(speed: np.ndarray) -> MotionLog:
+    """A joint that turns every 100 rows, at a speed (rows,) [rad/s]."""
+    t = 0.1 * np.arange(len(speed))
+    q = 0.1 * np.cumsum(speed * np.where(np.arange(len(t)) // 100 % 2, -1.0, 1.0))[:, None]
+    return MotionLog("one", ("J1",), ("rad",), q, np.ones(len(t), bool), time=t, q_encoder=q)
+
+
+def test_claims_grow_by_what_a_joints_own_delay_may_add_where_motion_does_not_tell_it() -> None:
+    """At even speed all that it may be; else what blocks of time leave, in the share that goes with the direction."""
+    rng, e = np.random.default_rng(3), np.full((2000, 1), 0.01)
+    errors = CrossValidation((), e, e, e > 0, np.zeros(2000, int), np.zeros(2000, int))
+
+    def unseen(speed: np.ndarray, *own: tuple[float, float]) -> tuple[float, float, float]:
+        told = [Delay(0, 0, 0, "none", (0, 0, 0), "s", alone=(("J1", low, high),)) for low, high in own]
+        found = unseen_by_blocks([moving(speed)] * len(own), told, errors, 0.9)
+        return found.late[0], found.rms[0], found.within[0]
+
+    even, uneven = np.full(2000, 0.5), rng.uniform(0.1, 1.0, 2000)
+    assert_allclose(unseen(even, (-0.9, 0.2)), [0.2, 0.1, 0.1], rtol=1e-6)
+    assert_allclose(unseen(even, (-0.02, 0.02)), 0.0)
+    assert_allclose(unseen(even, (-0.9, 0.2), (-0.02, 0.02)), 0.0)  # another recording tells
+    assert_allclose(unseen(even, (-0.01, 0.02), (0.1, 0.12)), [0.12, 0.06, 0.06], rtol=1e-6)  # they contradict
+    # of a speed between .1 and 1 the square of the mean is .3025, the mean of the square .37
+    assert_allclose(unseen(uneven, (-0.2, 0.2)), [0.2, 0.01 * (0.3025 / 0.0675) ** 0.5, 0.0], rtol=0.05)
+    assert_allclose(unseen(uneven, (-0.1, 0.2)), [0.2, 0.05 * 0.37**0.5, 0.05 * 0.91], rtol=0.05)

@@ -59,6 +59,17 @@ def noisy_drive(path: Path) -> object:
     return np.savetxt(path, np.column_stack([T, q, qd, TAU + 0.1 * rng.standard_normal(TAU.shape)]), delimiter=",")
 
 
+def two_arms(i: int) -> str:
+    """Return a row of `ros2 topic echo --csv` of two PSMs in one JointState, the second first."""
+    names = [f"PSM{arm}_{joint}" for arm in (2, 1) for joint in NAMES]
+    return f"{BEGIN + i // 100},{i % 100 * 10**7},,{','.join(names)},{cells([*SEEN[i], *Q[i], *QD[i], *QD[i], *TAU[i], *TAU[i]])}"
+
+
+def in_brackets(values: np.ndarray) -> str:
+    """Return a row as an array in one cell, as Python prints lists."""
+    return f'"[{", ".join(f"{v:.9g}" for v in values)}]"'
+
+
 PLAIN_NAMES = "t,q1,q2,q3,dq1,dq2,dq3,tau1,tau2,tau3"
 BY_NUMBER = "columns by number; dq is the derivative of q, tau is what is left"
 TOLD = ("data[4] ... data[6] are the derivatives of data[1] ... data[3]", "data[7] ... data[9] are what is left")
@@ -163,6 +174,28 @@ SAMPLES = [
         "`ros2 topic echo --csv`, other types", "echo3.csv", "columns by number behind the stamp",
         lines("", lambda i: f"{BEGIN + i // 100},{i % 100 * 10**7},base,{cells(ALL[i, 1:])}"),
         says=("ros2 topic echo --csv", "are the derivatives"), truth=MOVED,
+    ),
+    Sample(
+        "`ros2 topic echo --csv`, two arms", "arms.csv", "which arm is asked",
+        lines("", two_arms), asks={"q_nominal": "PSM1"}, says=('"position[PSM1_yaw]"',), truth=MOVED,
+    ),
+    Sample(
+        "pandas, lists in cells", "lists.csv", "arrays",
+        lines("time,joint_positions,joint_torques\n", lambda i: f"{T[i]},{in_brackets(Q[i])},{in_brackets(TAU[i])}"),
+        truth={"q_nominal": Q, "tau": TAU, "time": T},
+    ),
+    Sample(
+        "UR's RTDE", "rtde.csv", "target_moment is tau",
+        lines(" ".join(["timestamp", *(f"{a}_{j}" for a in ("target_q", "target_qd", "target_moment", "actual_q",
+                                                            "actual_current") for j in range(3))]) + "\n",
+              lambda i: cells([T[i], *SEEN[i], *QD[i], *TAU[i], *Q[i], *(0.1 * TAU[i])], " ")),
+        asks={"q_encoder": "none"}, truth=MOVED | {"qd": QD},
+    ),
+    Sample(
+        "a dVRK's raw readings", "raw.csv", "potentiometers are asked",
+        lines("timestamp," + ",".join(f"{a}{j}" for a in ("encoder", "potentiometer") for j in range(3)) + "\n",
+              lambda i: cells([T[i], *Q[i], *SEEN[i]])),
+        asks={"q_encoder": "potentiometer0"}, truth=PAIR,
     ),
     Sample(
         "PlotJuggler", "plotjuggler.csv", "open cells, brought onto the rows of q_nominal",

@@ -8,7 +8,7 @@ import pytest
 
 from catenary.plant import MotionLog
 from catenary.verdict.check import findings_of, repeated_findings
-from catenary.verdict.mend import Mend
+from catenary.verdict.mend import NO_MEND, Mend
 from hysteretic_arm import recording
 from spoilt import copied, leapt
 
@@ -80,7 +80,7 @@ def test_errors_that_leap_with_the_commands_of_joined_recordings_are_no_leap() -
 @pytest.mark.parametrize("turn", [2.0 * np.pi, -4.0 * np.pi])
 def test_lost_turns_are_told_as_turns_whatever_else_they_look_like(turn: float) -> None:
     (found,) = [each for each in findings_of(leapt(recording(), 3, turn)) if each.refuses]
-    assert (found.name, found.joints) == ("turns", ("J4",))
+    assert (found.name, found.joints, found.remedy) == ("turns", ("J4",), "--unwrap J4=6.2832")
 
 
 @pytest.mark.parametrize("joint", [0, 2])
@@ -94,12 +94,16 @@ def test_a_counter_that_wraps_at_any_period_is_told_with_it_and_mended_as_told(j
     wrapped[:, joint] = first + (own - first) % period
     (found,) = [each for each in findings_of(replace(log, q_encoder=wrapped)) if each.refuses]
     assert (found.name, found.joints) == ("turns", (log.joint_names[joint],))
-    told = re.search(r"-= ([0-9.]+)", found.remedy)
+    told = re.fullmatch(rf"--unwrap {log.joint_names[joint]}=([0-9.]+)", found.remedy)
     assert told
     assert float(told[1]) == pytest.approx(period, rel=0.05)
-    error = wrapped[:, joint] - log.q_nominal[:, joint]
-    wrapped[:, joint] -= period * np.round((error - np.median(own - log.q_nominal[:, joint])) / period)
-    assert refusals(replace(log, q_encoder=wrapped)) == []
+    mend = NO_MEND.and_then(found.remedy)
+    assert mend is not None
+    mended = mend(replace(log, q_encoder=wrapped))
+    assert refusals(mended) == []
+    assert mended.q_encoder is not None
+    away = mended.q_encoder[:, joint] - own
+    assert np.abs(away - np.median(away)).max() < 0.01 * period
 
 
 def test_a_sensor_that_hardly_moves_is_no_counter_that_wraps() -> None:

@@ -13,14 +13,18 @@ statement on all rows together, not on each pose. One stretch holds more or less
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread
 from catenary.calibration.intervals import Intervals, check_level
+from catenary.plant import MotionLog
+from catenary.units import TO_SI
+from catenary.verdict.delay import SHARP, Delay
 
 _BLOCKS_OUTSIDE = 5  # worth of errors that may lie outside: the block to come then adds a fifth to what is free
 _MIN_BLOCKS = 10
@@ -31,6 +35,10 @@ _PROMISE_PROBABILITY = 0.95  # of other minutes of a day, whose RMSE lies in wha
 _LEAST_SQUARE = 1e-24  # [rad2|m2] below any error
 _MAX_LOG_ERROR = math.log(10.0)  # of a promise: nothing is known
 _FITTED_WEIGHT = 0.368  # weight of the error on the rows that were fitted to, in the .632 estimate
+_STANDING_SHARE = 0.1  # of a joint's usual speed, below which it stands
+# a speed is even whose mean squared is nearly the mean of its square (.98 on zig-zags, .5 to .94 on random motion), or
+# that is within a tenth of its median on most rows (.75 of a zig-zag with half a minute of random motion, .1 of that)
+_EVEN, _EVEN_WITHIN, _EVEN_SHARE = 0.95, 0.1, 0.5
 COVERAGE_LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85 % of 90 %
 
 Verdict = Literal["held", "below, which may be chance", "too narrow"]
@@ -60,12 +68,69 @@ def estimate_intervals(
     return Intervals(level, np.array(inside), np.array(outside))
 
 
+class Unseen(NamedTuple):
+    """What errors on blocks of time do not show of joints whose measurement may be late by itself, each (n,)."""
+
+    late: Floats  # [s], or rows of recordings without stamps; 0 where motion tells
+    rms: Floats  # [rad|m] that it may add at most
+    within: Floats  # [rad|m] in which a share of it lies, as errors do in their intervals
+
+    def in_intervals(self, intervals: Intervals) -> Intervals:
+        """Return intervals that hold it, too."""
+        inside, outside = (np.hypot(each, self.within) for each in (intervals.inside, intervals.outside))
+        return replace(intervals, inside=inside, outside=outside)
+
+
+def unseen_by_blocks(
+    logs: Sequence[MotionLog], delays: Sequence[Delay | None], errors: CrossValidation, level: float
+) -> Unseen:
+    """Return what a joint's own delay may add where its motion does not tell it (`Delay.alone`).
+
+    A measurement may be late by itself, none is ahead by itself. At even speed a fit takes all of a lag for hysteresis.
+    At uneven speed it leaves what does not go with the direction, on blocks, which bounds the rest; and intervals hold
+    the delay that is in the middle of what it may be. Sensors of several recordings are one: each recording tells of
+    all, unless they contradict each other.
+    """
+    speeds = np.concatenate([_speeds(log) for log in logs])
+    rms, within = np.sqrt(np.mean(speeds**2, axis=0)), np.quantile(speeds, level, axis=0)
+    left = np.sqrt(np.mean(np.square(errors.after_model), axis=0))
+    found = np.zeros((3, len(rms)))
+    for j, name in enumerate(logs[0].joint_names):
+        own = np.array([own[1:] for delay in delays if delay is not None for own in delay.alone if own[0] == name])
+        if not len(own):
+            continue
+        low, high = own[:, 0].max(), own[:, 1].min()
+        low, high = (low, high) if low <= high else (own[:, 0].min(), own[:, 1].max())
+        if high <= 0.0 or high - low <= SHARP["rows" if logs[0].time is None else "s"]:
+            continue
+        moving = speeds[speeds[:, j] > _STANDING_SHARE * rms[j], j]
+        usual = np.median(moving)
+        along = min(float(np.mean(moving)) ** 2 / float(np.mean(moving**2)), 1.0 - 1e-9)  # that goes with the direction
+        is_even = along > _EVEN or np.mean(np.abs(moving - usual) < _EVEN_WITHIN * usual) > _EVEN_SHARE
+        likely = high if is_even else max(0.5 * (low + high), 0.0)
+        most = high * rms[j] if is_even else left[j] * math.sqrt(along / (1.0 - along))
+        found[:, j] = high, max(min(high * rms[j], most), likely * rms[j]), likely * within[j]
+    return Unseen(*found)
+
+
+def _speeds(log: MotionLog) -> Floats:
+    """Return how fast joints moved between neighbouring rows, (M, n) [rad/s|m/s], or per row without stamps."""
+    moved = np.abs(np.diff(log.q_nominal, axis=0))
+    if log.time is None:
+        return moved
+    steps = np.diff(log.time)
+    step = float(np.median(steps))
+    near = np.abs(steps - step) < 0.5 * step
+    return np.asarray(moved[near] / steps[near, None])
+
+
 def expected(
     errors: CrossValidation,
     fitted: Floats,  # (N, n) errors of the model on the rows that it was fitted to [rad|m]
     intervals: Intervals | None,  # whose coverage is to be stated; none without
     widening: Floats | float = 1.0,  # (n,) times as large as on the blocks is an error where joints meet otherwise
     growth: Floats | float = 1.0,  # (N, n) as for `estimate_intervals`
+    unseen: Unseen | None = None,  # that the model's intervals hold beyond these
 ) -> tuple[Spread, ...]:
     """Return the spread over blocks with what it lets expect of another stretch as long as the data.
 
@@ -89,14 +154,19 @@ def expected(
     more = np.sqrt(np.mean(np.square(of_others), axis=0) / squares)
     low = mean * np.minimum(np.exp(-times(of_blocks)), fitted_share)
     high = mean * np.maximum(more, 1.0) * np.exp(times(_log_rmse(of_others, errors.stretch))) * widening
+    late = 0.0 if unseen is None else unseen.rms / [TO_SI[s.unit][1] for s in spread]
     names = ["rmse_low", "rmse_high", "rmse_margin"]
-    stated: list[Floats] = [low, high, np.maximum(high, offset)]
+    stated: list[Floats] = [low, np.hypot(high, late), np.hypot(np.maximum(high, offset), late)]
     if intervals is not None:
-        held = np.abs(of_others) <= np.where(errors.inside, growth * intervals.inside, intervals.outside)
-        shares = np.array([held[errors.stretch == k].mean(axis=0) for k in np.unique(errors.stretch)])
-        off, share = times(shares), shares.mean(axis=0)
+
+        def held(by: Intervals) -> tuple[Floats, Floats]:
+            held = np.abs(of_others) <= np.where(errors.inside, growth * by.inside, by.outside)
+            shares = np.array([held[errors.stretch == k].mean(axis=0) for k in np.unique(errors.stretch)])
+            return shares.mean(axis=0), times(shares)
+
+        (share, off), (most, above) = held(intervals), held(unseen.in_intervals(intervals) if unseen else intervals)
         names += ["held_low", "held_high"]
-        stated += [np.maximum(share - off, 0.0), np.minimum(share + off, 1.0)]
+        stated += [np.maximum(share - off, 0.0), np.minimum(np.maximum(share + off, most + above), 1.0)]
     of_joints: list[list[Any]] = np.array(stated).T.tolist()
     return tuple(replace(s, **dict(zip(names, found, strict=True))) for s, found in zip(spread, of_joints, strict=True))
 

@@ -10,7 +10,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.cable_paths import find_cables
 from catenary.calibration.card import model_card
-from catenary.calibration.conformal import estimate_intervals, expected, fewest_rows
+from catenary.calibration.conformal import Unseen, estimate_intervals, expected, fewest_rows, unseen_by_blocks
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import CalibrationData, data_notes, usable_rows
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate, rms
@@ -26,7 +26,7 @@ from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 from catenary.robots.plausible import MAX_LENGTH_M
 from catenary.side_by_side import Progress, part_of, silent
-from catenary.units import DISPLAY
+from catenary.units import DISPLAY, TO_SI
 from catenary.verdict.check import Passed
 from catenary.verdict.mend import left_out_rows, mends_of
 from catenary.verdict.pairs import OUTLIER_SIGMAS, outliers
@@ -37,6 +37,7 @@ _RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
 _LEFT_OUT_RATIO = 1.05  # times the RMSE without rows left out, that is worth a word
 _DOUBTED_RATIO = 1.5  # times as large as on blocks may an error be elsewhere, that is worth a word
 _ZERO_RATIO = 1.2  # times as large are errors before a recording's zero is known, that is worth a word
+_UNTOLD_SHARE = 0.5  # of a joint's largest error, that its own delay may add and is worth a word
 _VAGUE_RATIO = 2.0  # times its lower end, that a range of errors says little beyond
 
 Rows = tuple[CalibrationData, CalibrationData | None, CalibrationData]
@@ -132,6 +133,16 @@ def _zero_notes(data: CalibrationData, errors: CrossValidation) -> list[str]:
     return [f"zeros of recordings differ by {', '.join(sizes)}: {told}"] if sizes else []
 
 
+def _vague_notes(spread: Sequence[Spread], unseen: Unseen) -> list[str]:
+    """Say which joints may err by several times as much as another minute, and what to record."""
+    ranges = [(s, s.rmse_low or 0.0, s.rmse_high or 0.0) for s in spread]
+    vague = [f"{s.joint} {low:.3g} to {high:.3g} {s.unit}" for s, low, high in ranges if high > _VAGUE_RATIO * low]
+    late = [rms / TO_SI[s.unit][1] for s, rms in zip(spread, unseen.rms, strict=True)]
+    untold = ", ".join(s.joint for (s, _, high), own in zip(ranges, late, strict=True) if own > _UNTOLD_SHARE * high)
+    more = f", and half a minute of random motion, which tells whether {untold} is late by itself" if untold else ""
+    return [f"other minutes may err by {', '.join(vague)}, which says little: record longer{more}"] * bool(vague)
+
+
 def _without(data: CalibrationData, kept: Floats, every: Floats) -> str:
     """Return in words the RMSE by joint of errors that are kept, and of all."""
     shown = [
@@ -173,12 +184,14 @@ def _concluded(
     """Return a fitted model with its intervals, errors and card."""
     logs, (model, validation), (data, late, everything) = recordings.logs, made, rows
     notes = [*data_notes(logs, everything), *found.notes]
-    intervals, growth = None, np.ones(1)
+    intervals, hidden, growth = None, None, np.ones(1)
     if validation is not None:
         plain = Intervals(run.coverage, np.ones_like(model.offset), np.ones_like(model.offset))
         growth = replace(model, intervals=plain).correct(data.X, data.q_nominal)[2]
         intervals = estimate_intervals(validation, level=run.coverage, growth=growth)
-    model = replace(model, intervals=intervals, limits=_limits(recordings.robot, data), mends=mends_of(logs))
+        hidden = unseen_by_blocks(logs, found.delays, validation, run.coverage)
+    wider = None if intervals is None or hidden is None else hidden.in_intervals(intervals)
+    model = replace(model, intervals=wider, limits=_limits(recordings.robot, data), mends=mends_of(logs))
     left = data.error - model.correction(data.X, data.q_nominal)
     notes += _far_notes(data, left)
     if model.features.friction is not None and options.friction is not None:
@@ -201,15 +214,13 @@ def _concluded(
     unseen = None if validation is None or late is not None else validation.after_model
     notes += _left_out_notes(model, recordings, everything, unseen)
     spread: tuple[Spread, ...] = ()
-    if validation is not None:
+    if validation is not None and hidden is not None:
         widening = np.ones_like(model.offset) if model.widening is None else model.widening
-        spread = expected(validation, left, intervals, widening, growth)
+        spread = expected(validation, left, intervals, widening, growth, hidden)
         if wide := [f"{s.joint} {w:.2g}" for s, w in zip(spread, widening, strict=True) if w > _DOUBTED_RATIO]:
             told = f"where joints meet that its training has apart, errors may be more: {', '.join(wide)} times"
             notes.append(f"{told}; record random motion")
-        ranges = [(s, s.rmse_low or 0.0, s.rmse_high or 0.0) for s in spread]
-        if vague := [f"{s.joint} {a:.3g} to {b:.3g} {s.unit}" for s, a, b in ranges if b > _VAGUE_RATIO * a]:
-            notes.append(f"other minutes may err by {', '.join(vague)}, which says little: record longer")
+        notes += _vague_notes(spread, hidden)
         notes += _zero_notes(data, validation)
     held_out = None if late is None else evaluate(model, late)
     card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=tuple(notes))

@@ -56,6 +56,9 @@ class ExcitationOptions(ArmOptions):
     sparsities: Numbers | None = option(
         "S,S,...", "Sparsities of the zig-zags. [default: 1/2,1/3,1/4]", read=_fractions, flag="--sparsity"
     )
+    random_seconds: float | None = option(
+        "S", "Random motion after a zig-zag, which tells joints' own delays; 0 for none. [default: 30]"
+    )
     train_minutes: float | None = option("MIN", "Length of a dVRK PSM's training motion. [default: 20]")
     state_rate_hz: float | None = option("HZ", "Rate of raven_state, 30 or 100. [default: 30]", flag="--state-rate")
 

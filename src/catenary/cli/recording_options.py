@@ -53,6 +53,7 @@ class RecordingOptions(MappingOptions):
     units: str | None = _of_recordings("U,U,...", "Joints' units: rad, m, deg, mm, cm; q_encoder:deg,... of it alone.")
     swap: Sequence[str] = _of_recordings("J,J", "Exchange these measured columns; tau:J,J of torques.")
     sign: Sequence[str] = _of_recordings("J", "This measured column has the wrong sign; tau:J of torques.")
+    unwrap: Sequence[str] = _of_recordings("J=PERIOD", "Take whole periods [rad, m] off this measured column.")
     scale: Sequence[str] = _of_recordings("J=F", "Multiply this measured column; tau:J=F of torques.")
     offset: Sequence[str] = _of_recordings("J=X", "Add this to a measured column; q_nominal:J=X of positions [rad, m].")
     couple: Sequence[str] = _of_recordings("J/J=F", "Add F times the second's measured column to the first's.")
@@ -78,7 +79,18 @@ class RecordingOptions(MappingOptions):
         array, given = (None, ()) if self.units is None else units_of(self.units)
         mapping = self.read(self.units if array is None else None, robot=robot)
         typed = values_of(
-            self, "swap", "sign", "scale", "offset", "couple", "clock", "delay", "shift", "time_unit", "leave_out"
+            self,
+            "swap",
+            "sign",
+            "unwrap",
+            "scale",
+            "offset",
+            "couple",
+            "clock",
+            "delay",
+            "shift",
+            "time_unit",
+            "leave_out",
         )
         is_mended = self.units is not None and (mapping is None or array is not None)
         mend = Mend(units=(self.units or "",) if is_mended else (), **typed)

@@ -49,8 +49,8 @@ _NO_CHANGE = 0.0, 0.0, 0.0
 TOLERANCE_S, _TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: delays below are none; half a row where there are no stamps
 _RESOLUTION_DEG_MM = 1e-3  # [deg, mm] below which nothing is left unexplained
 APART_S, APART_ROWS = 0.08, 2.0  # [s], rows by which joints must differ: slack of an odd law looks like less
-# [s], rows: wider intervals of one joint tell nothing; narrower ones [s] hide nothing
-_UNTOLD_S, _UNTOLD_ROWS, _SHARP_S = 0.5, 6.0, 0.05
+# [s], rows: wider intervals of one joint tell nothing; narrower ones hide nothing
+_UNTOLD, SHARP = {"s": 0.5, "rows": 6.0}, {"s": 0.05, "rows": 1.0}
 _PAUSE_STEPS = 4.0  # steps between rows across which nothing is read
 _CHANGE_SIGMAS = 4.0  # deviations by which a change along the recording must stand out
 _DESCENTS = 6  # of offset and change in turn, each this much finer than the one before
@@ -102,8 +102,8 @@ class Delay:
     @property
     def _single(self) -> str:
         """Say what could hide of one joint alone, and of which joints any delay could."""
-        most = _UNTOLD_S if self.unit == "s" else _UNTOLD_ROWS
-        wide = [each for each in self.alone if self.unit == "rows" or each[2] - each[1] > _SHARP_S]
+        most = _UNTOLD[self.unit]
+        wide = [each for each in self.alone if each[2] - each[1] > SHARP[self.unit]]
         told = [f"{joint} {low:+.2f} to {high:+.2f}" for joint, low, high in wide if high - low <= most]
         untold = [joint for joint, low, high in self.alone if high - low > most]
         alone = f"; of one joint alone, {', '.join(told)} {self.unit}" if told else ""

@@ -56,8 +56,7 @@ def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
             measured[pairs.log.ok, j] -= rounds * in_si
             rows, size = np.count_nonzero(rounds), f"{period:.4g} {pairs.unit(j)}"
             says = f"{rows} of {len(error)} measurements stand {size} from the others, and none leaves a range of it"
-            remedy = f"q_encoder -= {in_si:.5g} * round((q_encoder - q_nominal) / {in_si:.5g}) before"
-            found.append(Finding("turns", (pairs.names[j],), says, "a counter that wraps", remedy))
+            found.append(_turned(pairs.names[j], says, "a counter that wraps", in_si))
             continue
         if joint_unit != "rad":
             continue
@@ -71,9 +70,13 @@ def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
         most = float(sizes[np.argmax(counts)]) * _HALF_TURN_DEG
         says = f"{int(turned.sum())} of {len(error)} measurements stand whole or half turns from the others"
         culprit = "an angle recorded within one turn, or a counter that lost a turn"
-        remedy = "catenary import --map, which brings measurements into the turn of their commands" * (most % 360 == 0)
-        found.append(Finding("turns", (pairs.names[j],), f"{says} ({most:+.0f} deg most often)", culprit, remedy))
+        period = np.deg2rad(_HALF_TURN_DEG) * (1 + (np.abs(halves[turned]) % 2.0 == 0.0).all())
+        found.append(_turned(pairs.names[j], f"{says} ({most:+.0f} deg most often)", culprit, period))
     return found, (pairs_of(replace(pairs.log, q_encoder=measured)) or pairs) if found else pairs
+
+
+def _turned(joint: str, says: str, culprit: str, period: float) -> Finding:
+    return Finding("turns", (joint,), says, culprit, f"--unwrap {joint}={period:.5g}")
 
 
 def _period_of_wraps(measured: Floats, away: Floats) -> float:

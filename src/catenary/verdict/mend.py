@@ -19,7 +19,7 @@ _ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an optio
 _NEEDS = dict.fromkeys(("shift", "delay", "clock"), "q_encoder") | {"time_unit": "time"}
 # keys of `MotionLog.settled` that a model's file may hold
 MEND_KEYS = (
-    r"^(shift|delay|time_unit|(units|swap|sign|scale|offset|couple)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
+    r"^(shift|delay|time_unit|(units|swap|sign|unwrap|scale|offset|couple)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
 )
 AS_TRAINED = "corrected as the model's training data"  # how a note on them opens
 _MAX_PPM = 1e5  # of one clock beside another: no oscillator is that far off
@@ -35,6 +35,9 @@ class Mend:
     units: tuple[str, ...] = ()
     swap: tuple[str, ...] = ()  # "J1,J2" each, in turn: these columns of q_encoder; "tau:J1,J2" of another array
     sign: tuple[str, ...] = ()  # "J3" each: the column of q_encoder changes its sign; "tau:J3" of another array
+    unwrap: tuple[
+        str, ...
+    ] = ()  # "J5=0.0022" each: take off the whole periods that q_encoder is from q_nominal [rad, m]
     scale: tuple[str, ...] = ()  # "J3=0.5" each: the column of q_encoder times that; "tau:J3=0.5" of another array
     offset: tuple[str, ...] = ()  # "q_nominal:J3=0.1" each: add that to the column [rad, m, Nm or N]
     delay: float = 0.0  # by which the measurement lies behind the command [s]
@@ -120,7 +123,7 @@ def _settled(log: MotionLog, step: str, text: str) -> tuple[str, str]:
     array, words = units_of(text)
     if step == "units":
         words = tuple(w if "=" in w else f"{n}={w}" for n, w in zip(log.joint_names, words, strict=False))
-    elif step in ("swap", "sign", "scale", "offset", "couple"):
+    elif step in ("swap", "sign", "unwrap", "scale", "offset", "couple"):
         array = array or _default(log)
     return (f"{step}:{array}", f"{array}:{','.join(words)}") if array else (step, ",".join(words))
 
@@ -190,6 +193,16 @@ def _swap(log: MotionLog, text: str) -> MotionLog:
 def _sign(log: MotionLog, text: str) -> MotionLog:
     array, names = units_of(text)
     return _times(log, array, dict.fromkeys(names, -1.0), "--sign")
+
+
+def _unwrap(log: MotionLog, text: str) -> MotionLog:
+    array, periods = _numbers(text, "--unwrap", "JOINT=PERIOD such as J5=0.0022")
+    key, values = _array(log, array, "--unwrap")
+    for name, period in periods.items():
+        j = _joint(log, name, "--unwrap")
+        away = values[:, j] - log.q_nominal[:, j]
+        values[:, j] -= period * np.round((away - np.median(away[log.ok])) / period)
+    return replace(log, **{key: values})  # type: ignore[arg-type]  # an array by its name
 
 
 def _scale(log: MotionLog, text: str) -> MotionLog:
@@ -339,5 +352,5 @@ def left_out_rows(log: MotionLog) -> Flags:
 
 # units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps; rows
 # that stand still are told among measurements that were brought into time
-_IN_ORDER = (_units, _time_unit, _swap, _sign, _scale, _offset, _couple, _clock, _delay, _shift, _leave_out)
+_IN_ORDER = (_units, _time_unit, _swap, _sign, _unwrap, _scale, _offset, _couple, _clock, _delay, _shift, _leave_out)
 _STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {each.__name__.strip("_"): each for each in _IN_ORDER}

@@ -77,6 +77,15 @@ def test_settings_are_kept(tmp_path: Path) -> None:
     assert project_settings(tmp_path) == settings
 
 
+def test_a_project_begun_before_zigzags_ended_with_random_motion_goes_on_without(tmp_path: Path) -> None:
+    Project(tmp_path, ProjectSettings(seed=3))
+    path = tmp_path / "settings.json"
+    kept = json.loads(path.read_bytes())
+    del kept["random_seconds"]
+    path.write_text(json_text(kept))
+    assert project_settings(tmp_path) == ProjectSettings(seed=3, random_seconds=0.0)
+
+
 @pytest.mark.parametrize(
     "content",
     [

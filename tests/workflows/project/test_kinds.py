@@ -6,17 +6,32 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary import CablePlant, MotionLog, record_simulated
 from catenary.calibration.fit_options import FitOptions
 from catenary.dvrk_psm import PSM_JOINTS
 from catenary.errors import InputError
 from catenary.recording.logs import read_log
 from catenary.simulation.firmware_plant import restore_plant, save_plant
 from catenary.simulation.psm_plant import PsmPlant
+from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
+from catenary.verdict.delay import delay_of
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.calibrate import motion_log_path
 from catenary.workflows.project.folder import Project, ProjectSettings
 from catenary.workflows.project.kinds import project_kind
 from oracles.psm_arms import homed_psm
+
+
+def width_of(log: MotionLog) -> np.ndarray:
+    """Return how wide the intervals of joints' own delays are [s]."""
+    return np.array([high - low for _, low, high in delay_of(log).alone])
+
+
+def homed_raven() -> CablePlant:
+    plant = CablePlant(seed=3, start=(0.5, 1.5, 0.40), substeps=1)
+    plant.home()
+    return plant
+
 
 SHORT = ProjectSettings(robot="dvrk_psm", seed=1, train_minutes=1.0, test_minutes=0.25)
 QUICK_MODELS = {calibrate.RECOMMENDED: FitOptions(kind="linear")}
@@ -52,6 +67,22 @@ def test_a_psms_motions_stay_within_its_limits():
     rows = motion.sample(np.arange(0.0, 60.0, 0.05))[0]
     assert (rows > plant.lower[:6]).all()
     assert (rows < plant.upper[:6]).all()
+
+
+def test_a_zigzag_ends_with_half_a_minute_of_random_motion_in_the_same_box() -> None:
+    """From the measurement of one joint a time late the recording then tells it; a zig-zag does not."""
+    plant, short = homed_raven(), ProjectSettings(direction="J2-J3", sparsities=(1 / 2,))
+    (whole, what), (alone, without) = (
+        project_kind(replace(short, random_seconds=seconds)).excitation() for seconds in (30.0, 0.0)
+    )
+    assert what == without | {"random": 30.0}
+    assert 30.0 < whole.duration - alone.duration < 40.0
+    q, qd, _ = whole.sample(np.arange(alone.duration, whole.duration, 0.01))
+    assert ((q > CALIBRATION_LOWER - 1e-9) & (q < CALIBRATION_UPPER + 1e-9)).all()
+    assert (np.abs(qd) <= [0.201, 0.201, 0.01005]).all()
+    log = record_simulated(plant, whole, "both", np.random.default_rng(0))
+    both, zigzag = (width_of(part) for part in (log, log.part(0, int(30 * alone.duration))))
+    assert (both < 0.5 * zigzag).all()
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from catenary.arrays import Flags, Floats, without_missing
 from catenary.errors import InputError
 from catenary.plant import Jointed
 from catenary.recording.import_formats.columns import WORDS, Stream, arrays_of, ends, natural
-from catenary.recording.import_formats.table_time import is_nameless, time_columns, time_of
+from catenary.recording.import_formats.table_time import is_nameless, time_columns, time_of, times_among
 from catenary.topics import SECOND
 
 Kind = Literal["position", "velocity", "acceleration", "effort", "current"]
@@ -81,6 +81,8 @@ class Candidate:
         first = self.columns[0]
         base = first[: first.rfind("[")] if first.endswith("]") and not _UNIT.search(first) else first
         where = f"{self.stream.name}." if self.stream.type != "table" else f"{self.stream.name}:" * self.is_of_several
+        if len(arrays_of(self.stream).get(base, ())) > len(self.columns):
+            base = first
         more = f" ... {self.columns[-1]}" if base == first and len(self.columns) > 1 else ""
         return f"{where}{base}{more}"
 
@@ -169,10 +171,27 @@ def candidates_of(streams: Sequence[Stream], today: float, model: Jointed | None
     `today` [s since 1970] bounds their time.
     """
     each = (_of_table(one, today, model) if one.type == "table" else _of_topic(one) for one in streams)
-    found = [one for several in each for one in several]
+    found = [arm for several in each for one in several for arm in _by_arm(one)]
     if sum(stream.type == "table" for stream in streams) < 2:
         return found
-    return [replace(one, role=_role_in_file(one), is_of_several=True) for one in found]
+    return [replace(one, kind=_kind_in_file(one), role=_role_in_file(one), is_of_several=True) for one in found]
+
+
+def _by_arm(one: Candidate) -> list[Candidate]:
+    """Part joints whose names begin as those of several arms do that have the same ones: PSM1_yaw, PSM2_yaw."""
+    parted = [re.split(r"[_/.]", joint, maxsplit=1) for joint in one.joints]
+    arms: dict[str, list[str]] = {}
+    for column, (arm, *_) in zip(one.columns, parted, strict=True):
+        arms.setdefault(arm, []).append(column)
+    own = {arm: [part[1:] for part in parted if part[0] == arm] for arm in arms}
+    alike = all(len(joints) > 1 and sorted(joints) == sorted(next(iter(own.values()))) for joints in own.values())
+    return [one.part(columns) for columns in arms.values()] if len(arms) > 1 and alike else [one]
+
+
+def _kind_in_file(one: Candidate) -> Kind:
+    """Return the kind of columns of several tables: a file's name says it where theirs does not."""
+    is_said = _UNIT.search(one.stream.titled(one.columns[0])) or {*_words(one.columns[0])} & _SETS["positions"]
+    return one.kind if is_said or one.kind != "position" or one.stream.type != "table" else _kind(one.stream.name)
 
 
 def _role_in_file(one: Candidate) -> Role:
@@ -194,7 +213,7 @@ def _of_topic(stream: Stream) -> list[Candidate]:
     for base, columns in arrays_of(stream).items():
         columns = [column for column in columns if column in stream.columns]
         words = _words(base)
-        inside = "." in base.rpartition("[")[2] and stream.type != "table"
+        inside = "." in base.rpartition("[")[2] and stream.type != "table" and base not in stream.joints
         if not 2 <= len(columns) <= _MAX_JOINTS or set(words) & _SETS["no_joints"] or inside:
             continue
         joints = tuple(column[len(base) + 1 : -1] if base in stream.joints else "" for column in columns)
@@ -243,7 +262,7 @@ def _of_table(stream: Stream, today: float, model: Jointed | None) -> list[Candi
     # arrays beside a list of their joints
     found = of_robot + [one for one in _of_topic(stream) if all(one.joints) and not own_columns & {*one.columns}]
     taken = [column for one in found for column in one.columns]
-    times = {*time_columns(stream), *ok_columns(stream), *stream.dates, *poses, *taken}
+    times = {*times_among(stream, ()), *ok_columns(stream), *stream.dates, *poses, *taken}
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in stream.columns:
         words = _words(name)
@@ -322,7 +341,7 @@ def _own_parts(columns: Sequence[str]) -> tuple[str, ...]:
 
 
 def _words(name: str) -> list[str]:
-    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower().replace("target_moment", "target_torque")  # of a UR
     return re.findall(r"[a-z]+", re.sub(r"[23]d(?![a-z])", "", _CRTK.sub("", apart)))  # 3D is no "desired"
 
 
@@ -502,7 +521,8 @@ def _by_names(stream: Stream, taken: Collection[str]) -> list[PoseColumns]:
 
     if len(names) == 8 and is_nameless(stream) and is_turn(names[4:]):  # TUM's trajectories: time, position, quaternion
         return [PoseColumns(names[1:], names[1:])]
-    bare = {_POSE_UNIT.sub("", name.lower()): name for name in names}
+    # names that are there again: X#2 [mm] is #2 x
+    bare = {re.sub(r"(.*)(#\d+)\Z", r"\2 \1", _POSE_UNIT.sub("", name.lower())): name for name in names}
     for (turns, orientation, doubt), position in product(WORDS["poses"]["turns"], WORDS["poses"]["positions"]):
         words = f"{position} {turns}".split()
         for stem in [name.removesuffix(words[0]) for name in bare if re.search(rf"(\A|[ ._/:]){words[0]}\Z", name)]:

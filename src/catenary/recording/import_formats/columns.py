@@ -103,9 +103,9 @@ def places_of(reference: str, streams: Sequence[Stream]) -> list[Place]:
     """Return the columns that a reference stands for, in order.
 
     A reference is the name of a column, of an array (`position`, all its elements), a part of one (`position[2]`,
-    `position[0:6]`, `position[elbow]` by the name of the joint) or a pattern (`cmd_*`, in the file's order; names that
-    differ in a number by that). In front of it stands a topic and a dot (`/arm/state.position`); of several tables, the
-    name of the file and a colon.
+    `position[0:6]`, `position[elbow]` by the name of the joint) or a pattern of whole names (`cmd_*`, `cmd_?`, in the
+    file's order; names that differ in a number by that). In front of it stands a topic and a dot
+    (`/arm/state.position`); of several tables, the name of the file and a colon.
 
     Args:
         reference: The reference.
@@ -169,7 +169,7 @@ def _columns(inner: str, stream: Stream) -> list[str]:
             first = int(limits[1] or alone or 0)
             last = int(limits[2] or (first + 1 if alone else len(arrays[base])))
             return arrays[base][first:last] if first < last <= len(arrays[base]) else []
-    if "*" in inner and len(inner) <= 200 and inner.count("*") <= 4:
+    if {*"*?"} & {*inner} and len(inner) <= 200 and inner.count("*") <= 4:
         found_names = [name for name in stream.columns if fnmatchcase(name, inner)]
         is_numbered = len({re.sub(r"\d+", "#", name) for name in found_names}) == 1
         return sorted(found_names, key=natural) if is_numbered else found_names

@@ -147,6 +147,8 @@ _UNIT = re.compile(
     r"|(rad|deg|m|mm|n\*?m|°)(/|\*)s(\^?[23]|²)?|[mck]?n([*.·]?[mc]?m)?)\s*[\])]?",
     re.IGNORECASE,
 )
+_BRACKETS = re.compile(r"(.*?)(\s*[\[(].*)?", re.DOTALL)  # a name, and its unit or index
+_ARRAY = re.compile(r"[\[(]\s*([-+\d.eEnaN]+(?:\s*[,;\s]\s*[-+\d.eEnaN]+)*)\s*[\])]")  # of numbers, in a cell
 _MIN_NUMBERS = 20  # numbers that tell with how many digits a column is written
 _ROS_SECONDS = (946_684_800, 4_200_000_000)  # [s] since 1970 that a stamp of ROS has: the years 2000 to 2100
 
@@ -170,7 +172,7 @@ class TextDialect(NamedTuple):
         with suppress(ValueError):
             plain_number(cell.replace(",", ".") if self.decimal == "," else cell)
             return True
-        return cell in _MISSING_CELLS
+        return cell in _MISSING_CELLS or _ARRAY.fullmatch(cell) is not None
 
 
 class TextColumn(NamedTuple):
@@ -181,6 +183,7 @@ class TextColumn(NamedTuple):
     places: tuple[int, ...]  # of its cells in a row: two of a date and its time of day, or of seconds and nanoseconds
     date: DateFormat | None = None
     odd: str = ""  # the first cell of a column of text, where others are numbers, and its line
+    element: int | None = None  # of the array in each cell
 
 
 class TextHead(NamedTuple):
@@ -233,6 +236,7 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unende
     names, notes = _names(heads, used, rows, dialect)
     unique, twice = _unique(names or [f"{NAMELESS_ARRAY}[{i}]" for i in range(used)])
     columns = [_column(unique[i], (i,), [(k, row[i]) for k, row in rows if i < len(row)], dialect) for i in range(used)]
+    columns = [part for column in columns for part in _elements(column, rows)]
     joints: dict[str, tuple[str, ...]] = {}
     if not names:
         columns, joints = _as_echoed(columns, rows)
@@ -339,17 +343,17 @@ def _words(line: str, used: int, dialect: TextDialect) -> list[str]:
 
 def _unique(names: Sequence[str]) -> tuple[list[str], list[str]]:
     """Return names that differ, and a note on those that did not."""
-    seen, unique, taken = Counter[str](), list[str](), set(names)
+    seen, unique, taken, note = Counter[str](), list[str](), set(names), ""
     for new in (name or f"column{i + 1}" for i, name in enumerate(names)):
         name = new
         seen[name] += 1
-        while seen[name] > 1 and (new := f"{name}#{seen[name]}") in taken:
+        stem, unit = _BRACKETS.fullmatch(name).groups("")  # type: ignore[union-attr]  # any text is
+        while seen[name] > 1 and (new := f"{stem}#{seen[name]}{unit}") in taken:
             seen[name] += 1
+        note = note or f"names that are there more than once are numbered, such as {cut(new)}" * (new != name)
         taken.add(new)
         unique.append(new)
-    twice = [name for name, count in seen.items() if count > 1]
-    note = f"names that are there more than once are numbered, such as {cut(twice[0])}#2" if twice else ""
-    return unique, [note] * bool(twice)
+    return unique, [note] * bool(note)
 
 
 def _column(name: str, places: tuple[int, ...], cells: Sequence[tuple[int, str]], dialect: TextDialect) -> TextColumn:
@@ -361,7 +365,7 @@ def _column(name: str, places: tuple[int, ...], cells: Sequence[tuple[int, str]]
     form = date_format(texts)
     if form is not None:
         return TextColumn(name, "date", places, form)
-    strange = [(line, text) for line, text in values if not dialect.is_value(text)]
+    strange = [(line, text) for line, text in values if _ARRAY.fullmatch(text) or not dialect.is_value(text)]
     if strange:
         line, text = strange[0]
         odd = f'{f"line {line}" if line else "in its last lines"}: "{cut(text)}"' if len(strange) < len(values) else ""
@@ -371,6 +375,16 @@ def _column(name: str, places: tuple[int, ...], cells: Sequence[tuple[int, str]]
     if numbers and whole and _EXACT < max(abs(float(n)) for n in numbers) < 2.0**63:
         return TextColumn(name, "whole", places)
     return TextColumn(name, "number", places)
+
+
+def _elements(column: TextColumn, rows: Sequence[tuple[int, list[str]]]) -> list[TextColumn]:
+    """Return a column for each element where every cell is an array of as many: [0.1, 0.2]; else it alone."""
+    cells = [row[place] for _, row in rows for place in column.places if place < len(row)]
+    arrays = [_ARRAY.fullmatch(cell.strip('"')) for cell in cells if cell not in _MISSING_CELLS]
+    counts = {len(re.split(r"[,;\s]+", array[1])) if array else 0 for array in arrays}
+    if len(counts) != 1 or counts == {0}:
+        return [column]
+    return [TextColumn(f"{column.name}[{k}]", "number", column.places, element=k) for k in range(*counts)]
 
 
 def _dates_with_clocks(columns: Sequence[TextColumn], rows: Sequence[Sequence[str]]) -> list[TextColumn]:
@@ -523,6 +537,8 @@ class TextTable:
 
 
 def _arrow_type(column: TextColumn) -> pa.DataType:
+    if column.element is not None:
+        return pa.string()
     if column.date is not None:
         zone = "UTC" if column.date.has_zone else None
         return pa.timestamp("ns", tz=zone) if column.date.is_iso and len(column.places) == 1 else pa.string()
@@ -533,7 +549,10 @@ def _numbers(column: TextColumn, batch: pa.RecordBatch, carried: dict[str, tuple
     """Return a column's cells in a batch as numbers; NaN where there is none."""
     cells = [batch.column(str(place)) for place in column.places]
     one = cells[0]
-    if column.kind == "whole" and len(cells) == 2:  # seconds and nanoseconds
+    if column.element is not None:
+        parts = pc.split_pattern_regex(pc.utf8_trim(one, "[]() \t"), r"[,;\s]+")
+        one = pc.list_element(parts, column.element).cast(pa.float64())
+    elif column.kind == "whole" and len(cells) == 2:  # seconds and nanoseconds
         one = pc.add(pc.multiply(cells[0], SECOND), cells[1])
     elif column.date is not None and pa.types.is_timestamp(one.type):
         one = one.cast(pa.int64())

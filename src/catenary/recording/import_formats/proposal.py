@@ -233,6 +233,9 @@ def _positions(
             outside, reported = [], outside
         elif commanded and actual:
             reported = []
+    pots = [one for one in outside if one.is_potentiometer]
+    if not reported and not commanded and not measured and pots and len(pots) < len(outside):  # a dVRK's raw ones
+        outside, reported = pots, [one for one in outside if one not in pots]
     choices = reported or commanded or ([] if outside else actual)
     if not choices:
         answer = draft.ask(
@@ -276,6 +279,7 @@ def _command_and_measurement(found: Sequence[Candidate]) -> tuple[Candidate, Can
 def _one(choices: Sequence[Candidate], what: str, draft: _Draft, count: int | None) -> Candidate:
     """Choose the only one, or the only one of as many joints; ask where several are left."""
     fitting = [one for one in choices if count is not None and len(one.columns) == count] or list(choices)
+    fitting = [one for one in fitting if len(one.columns) > 1] or fitting  # a gripper's is one
     typed = [one for one in fitting if one.stream.type.endswith("JointState")] or fitting
     if len(typed) == 1:
         return typed[0]
@@ -320,6 +324,7 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
     """Add velocity and effort of the same stream and joints."""
     for kind, quantity in (("velocity", "qd"), ("effort", "tau")):
         of_kind = [one for one in found if one.kind == kind and one.stream.name == nominal.stream.name]
+        of_kind = of_kind or [one for one in found if one.kind == kind and {*one.columns} == {*nominal.columns}]
         same = [one for one in of_kind if set(nominal.joints) <= set(one.joints) and all(nominal.joints)]
         parts = [one.of_joints(nominal.joints) for one in same]
         parts = parts or [one for one in of_kind if len(one.columns) == len(nominal.columns)]

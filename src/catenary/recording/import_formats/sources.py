@@ -39,7 +39,7 @@ _SAMPLED_MESSAGES = 1000  # messages of a topic, evenly over the bag, from which
 _MAX_SAMPLED_BYTES = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
 _BATCH_MESSAGES = 4096
 _MAX_JOINTS = 1000
-_NAMES = ("name", "names", "joint_names")  # fields that name the elements of the arrays beside them
+_NAMES = ("name", "names", "joint_names", "interface_names")  # fields that name the elements of the arrays beside them
 _Blocks = Iterator[tuple[str, Integers, Block]]
 
 
@@ -196,7 +196,13 @@ class _TopicColumns:
                 continue
             column = re.sub(r"\.(\d+)(?=\.|$)", r"[\1]", path)
             values, to_si = records[path].reshape(len(records), -1), 1.0
-            if path in named:
+            joint = _joint_of(path, records, kinds)
+            if path in named and joint:
+                said = [(rows, [f"{name}[{joint}]" for name in names]) for rows, names in orders[named[path]]]
+                for name in said[0][1]:
+                    array = name.partition("[")[0]
+                    self._joints[array] = tuple(dict.fromkeys((*self._joints.get(array, ()), joint)))
+            elif path in named:
                 said = [
                     (rows, self._joint_columns(column, joints, values.shape[1])) for rows, joints in orders[named[path]]
                 ]
@@ -258,12 +264,20 @@ def _stamp_path(kinds: Mapping[str, Any]) -> str | None:
     return next(iter([*headers, *plain, *within]), None)
 
 
+def _joint_of(path: str, records: NDArray[np.void], kinds: Mapping[str, Any]) -> str:
+    """Return the joint whose values by interface these are, as of a DynamicJointState; "" where they are not."""
+    place = re.fullmatch(r"interface_values\.(\d+)\.values", path)
+    name = f"joint_names.{place[1]}" if place else ""
+    return bytes(records[name][0]).rstrip(b"\0").decode(errors="replace") if name in kinds and len(records) else ""
+
+
 def _named_arrays(kinds: Mapping[str, Any]) -> dict[str, str]:
     """Return arrays of numbers whose elements a list of texts beside them names."""
     named = {}
     for path, (kind, *_) in kinds.items():
         prefix = path[: path.rfind(".") + 1]
-        names = next((prefix + name for name in _NAMES if f"{COUNT}{prefix}{name}" in kinds), None)
+        every = [front + name for front in (prefix, "") for name in _NAMES]  # beside it, or beside all of them
+        names = next((name for name in every if f"{COUNT}{name}" in kinds), None)
         if kind.shape and names is not None and f"{names}.0" in kinds:
             named[path] = names
     return named

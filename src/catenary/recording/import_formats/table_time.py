@@ -202,6 +202,8 @@ def times_among(stream: Stream, references: Sequence[str]) -> list[str]:
 def time_columns(stream: Stream) -> list[str]:
     """Return the columns whose names say that they hold the time; the plainest alone where it is clear."""
     named = [name for name in stream.columns if _NAMED.match(name.lstrip("%").strip())]
+    rests = [rest[0] for name in named if (rest := rest_of(stream, name)) is not None]
+    named = [name for name in named if name not in rests]
     if not named:  # t_encoder
         named = [name for name in stream.columns if re.fullmatch(r"(t|time|stamp|timestamp)_\w+", name)]
     if not named and stream.dates:

@@ -219,6 +219,7 @@ class ProjectSettings:
     namespace: str = "/PSM1"  # of a dVRK PSM
     train_minutes: float = 20.0  # of the motion that a dVRK PSM is trained on
     columns: tuple[str, ...] = ()  # further ones of raven_state that motion logs carry, or ("all",)
+    random_seconds: float = 30.0  # of random motion after a zig-zag, which cannot tell a joint's own delay; 0 for none
 
     def __post_init__(self) -> None:
         """Refuse settings that no robot or motion can have, before anything is written or moves."""
@@ -227,6 +228,7 @@ class ProjectSettings:
         sparse = len(sparsities) > 0 and all(MIN_SPARSITY <= s <= 1.0 for s in sparsities)
         long = _MIN_MOTION_MIN <= self.test_minutes <= _MAX_MOTION_MIN
         training = _MIN_MOTION_MIN <= self.train_minutes <= _MAX_MOTION_MIN
+        after = self.random_seconds == 0.0 or 2.0 * TURN_TIME_S <= self.random_seconds <= 60.0 * _MAX_MOTION_MIN
         minutes = f"{_MIN_MOTION_MIN:.3g} to {_MAX_MOTION_MIN:g} min"
         wrong = [
             f"{name}: expected {expected}, got {got}"
@@ -240,6 +242,7 @@ class ProjectSettings:
                 ("sparsity", sparse, f"numbers from {MIN_SPARSITY} to 1", sparsities),
                 ("test motion", long, minutes, self.test_minutes),
                 ("training motion", training, minutes, self.train_minutes),
+                ("random motion", after, f"0, or {2.0 * TURN_TIME_S:g} s and more", self.random_seconds),
                 ("connection", self.connection in _CONNECTIONS, ", ".join(_CONNECTIONS), self.connection),
                 ("state rate", 0.0 < self.state_rate_hz <= 1000.0, "at most 1000 Hz", self.state_rate_hz),
             )
@@ -409,6 +412,7 @@ def project_settings(folder: Path) -> ProjectSettings | None:
     except ConfigError as error:
         said = str(error).replace("file: Value error, ", "not the settings of a project: ")
         raise ConfigError(said) from error
+    content = {"random_seconds": 0.0, **content}  # of projects begun before there was any
     lacking = ", ".join(field.name for field in fields(ProjectSettings) if field.name not in content)
     if lacking:
         raise ConfigError(damage(path, f"keys are missing: {lacking}", remedy))

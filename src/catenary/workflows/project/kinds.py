@@ -24,11 +24,13 @@ from catenary.simulation.firmware_plant import FirmwarePlant
 from catenary.simulation.psm_controller import load_psm
 from catenary.simulation.psm_plant import PSM_COLUMNS, psm_telemetry
 from catenary.topics import Topic
-from catenary.trajectories.reference import Trajectory
+from catenary.trajectories.reference import InTurn, Trajectory
 from catenary.trajectories.sinusoids import FASTEST_SPEEDS, TURN_TIME_S, random_sinusoids
+from catenary.trajectories.smoothed_path import go_to
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER, zigzag
 from catenary.workflows.project.folder import ProjectSettings
 
+_RAVEN_APPROACH = (0.2, 0.2, 0.01)  # [rad/s, rad/s, m/s]
 Motion = tuple[Trajectory, Any]  # and what it is, as plain data
 
 # box of a PSM's random motion, turning bands and speeds [rad, rad, m, rad, rad, rad], ours: the range of the public
@@ -92,6 +94,20 @@ def _full_reversals(lower: Floats, upper: Floats, fastest: Floats) -> Motion:
     return motion, {"full reversals": MIN_SWEEPS}
 
 
+def _then_random(path: Trajectory, seconds: float) -> Trajectory:
+    """Return a RAVEN-II's motion with as many seconds of swings of all sizes, as fast as it comes to a motion.
+
+    Sweeps of even speed cannot tell a measurement that is late from hysteresis; many turns at other speeds do.
+    """
+    speeds, reach = np.array(_RAVEN_APPROACH), CALIBRATION_UPPER - CALIBRATION_LOWER
+    swings = random_sinusoids(
+        np.random.default_rng(0), seconds, turning_band=0.45 * reach,
+        slowest=0.3 * speeds, fastest=speeds, turn_time=0.5,
+    )  # fmt: skip
+    way = go_to(path(path.duration).q, swings(0.0).q, max_velocity=speeds, max_acceleration=2.0 * speeds)
+    return InTurn([path, way, swings])
+
+
 def _raven(settings: ProjectSettings) -> ProjectKind:
     """Return a RAVEN-II's left or right arm, trained on a zig-zag."""
     arm = ARM_OF_SIDE[settings.side]
@@ -107,7 +123,8 @@ def _raven(settings: ProjectSettings) -> ProjectKind:
     def excitation() -> Motion:
         description = {"zigzag": settings.direction, "sparsities": settings.sparsities, "form": settings.form}
         path = zigzag(settings.direction, settings.sparsities, form=settings.form)  # type: ignore[arg-type]
-        return path, description
+        seconds = settings.random_seconds
+        return (_then_random(path, seconds), description | {"random": seconds}) if seconds else (path, description)
 
     return ProjectKind(
         settings,
@@ -115,7 +132,7 @@ def _raven(settings: ProjectSettings) -> ProjectKind:
         model="raven2",
         recorded_as=ROBOT[arm],
         joints=CALIBRATED,
-        approach=(0.2, 0.2, 0.01),
+        approach=_RAVEN_APPROACH,
         encoders="mount the external encoders and start their program",
         namespace=None,
         topics=topics,
