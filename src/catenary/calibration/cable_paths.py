@@ -106,7 +106,7 @@ class _Search:
 
 
 def _least(score: Callable[[float], float], start: float, away: float) -> float:
-    """Return where a score is least about a start."""
+    """Return the minimum of a score around a start."""
     found = minimize_scalar(score, bounds=(start - away, start + away), method="bounded", options={"xatol": 1e-4})
     return float(found.x) if found.fun < score(start) else start
 

@@ -71,7 +71,7 @@ class Calibration(CalibrationModel):
         return Screen(f"{named}{own.title}, {self.card.get('rows', 0):,} rows", [*crossed, *own.tables], verdict)
 
     def predict(self, q_nominal: Motion, **arrays: Unpack[MotionArrays]) -> Floats:
-        """Return where the joints really are.
+        """Return the estimated true joint positions.
 
         Args:
             q_nominal: (N, n) reported positions [rad|m], or recordings.

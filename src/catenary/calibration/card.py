@@ -88,7 +88,7 @@ def model_card(
 
 
 def _joints(model: CalibrationModel, kind: ModelKind) -> list[dict[str, Any]]:
-    """Return what each joint's model is, and takes."""
+    """Return each joint's model and inputs."""
     group_of = {j: group for group in model.groups for j in group.joints}
     return [
         {
@@ -115,7 +115,7 @@ def _inputs(model: CalibrationModel, X: Floats) -> list[dict[str, Any]]:
 
 
 def _intervals(model: CalibrationModel) -> dict[str, Any] | None:
-    """Return what a model's intervals promise; None without."""
+    """Return the coverage and widths of a model's intervals; None without."""
     if model.intervals is None:
         return None
     return {

@@ -84,7 +84,7 @@ class Unseen(NamedTuple):
 def unseen_by_blocks(
     logs: Sequence[MotionLog], delays: Sequence[Delay | None], errors: CrossValidation, level: float
 ) -> Unseen:
-    """Return what a joint's own delay may add where its motion does not tell it (`Delay.alone`).
+    """Return the error that a joint's own delay may add where its motion does not determine it (`Delay.alone`).
 
     A measurement may be late by itself, none is ahead by itself. At even speed a fit takes all of a lag for hysteresis.
     At uneven speed it leaves what does not go with the direction, on blocks, which bounds the rest; and intervals hold
@@ -114,7 +114,7 @@ def unseen_by_blocks(
 
 
 def _speeds(log: MotionLog) -> Floats:
-    """Return how fast joints moved between neighbouring rows, (M, n) [rad/s|m/s], or per row without stamps."""
+    """Return the speeds between neighbouring rows, (M, n) [rad/s|m/s], or per row without stamps."""
     moved = np.abs(np.diff(log.q_nominal, axis=0))
     if log.time is None:
         return moved
@@ -210,7 +210,7 @@ def block_quantile(scores: Floats, block: Integers, level: float) -> float:
 
 
 def fewest_rows(level: float) -> int:
-    """Return how many rows a half-width takes: blocks enough that a block to come fits beside the share outside."""
+    """Return the number of blocks that a half-width needs, for a new block beside the share outside."""
     return _MIN_BLOCK_ROWS * max(_MIN_BLOCKS, math.ceil(level / (1.0 - level) - 1e-9))
 
 

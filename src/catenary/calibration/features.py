@@ -182,7 +182,7 @@ class FeatureSet:
         return np.column_stack(columns)
 
     def spikes(self, memory: Memory) -> dict[str, int]:
-        """Return how many rows that were spikes of each position a memory has counted."""
+        """Return the number of rows that a memory counted as spikes of each position."""
         return {name: int(count) for name, count in zip(self.played, memory.rejected, strict=True)}
 
     def memory(self) -> Memory:

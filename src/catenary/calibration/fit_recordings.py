@@ -111,7 +111,7 @@ def fit_recordings(
 
 
 def _far_notes(data: CalibrationData, left: Floats) -> list[str]:
-    """Say how many errors left (N, n) lie beyond ten robust deviations, if few, and the RMSE without them."""
+    """Return notes on residuals (N, n) beyond ten robust deviations, if few, and on the RMSE without them."""
     far = np.any(np.abs(left) > OUTLIER_SIGMAS * outliers(left)[1] + _RESOLUTION_SI, axis=1)
     if not 0.0 < far.mean() <= _MAX_FAR_SHARE:
         return []
@@ -134,7 +134,7 @@ def _zero_notes(data: CalibrationData, errors: CrossValidation) -> list[str]:
 
 
 def _vague_notes(spread: Sequence[Spread], unseen: Unseen) -> list[str]:
-    """Say which joints may err by several times as much as another minute, and what to record."""
+    """Return notes on joints that may err by several times as much as another minute, and on the motion to record."""
     ranges = [(s, s.rmse_low or 0.0, s.rmse_high or 0.0) for s in spread]
     vague = [f"{s.joint} {low:.3g} to {high:.3g} {s.unit}" for s, low, high in ranges if high > _VAGUE_RATIO * low]
     late = [rms / TO_SI[s.unit][1] for s, rms in zip(spread, unseen.rms, strict=True)]

@@ -108,7 +108,7 @@ def _friction(parameters: Floats, n: int) -> CoupledFriction:
 
 
 def _start(n: int, coupling: float) -> Floats:
-    """Return where the search begins: springs alike, each coupled to those before it."""
+    """Return the start of the search: equal springs, each joint coupled to those before it."""
     root = np.linalg.cholesky(np.full((n, n), coupling) + (1.0 - coupling) * np.eye(n)) if coupling > 0 else np.eye(n)
     if coupling < 0:
         root[1, 0], root[1, 1] = coupling, np.sqrt(1.0 - coupling**2)
@@ -133,7 +133,7 @@ def _best_pair(rows: SearchedRows) -> tuple[int, ...]:
 
 
 def _move_together(rows: SearchedRows, joints: tuple[int, int]) -> bool:
-    """Return whether both of two joints move in enough of the steps in which one does."""
+    """Return True if both of two joints move in enough of the steps in which one does."""
     steps = np.concatenate([np.abs(np.diff(path[:, joints], axis=0)) for path, _ in rows.paths])
     larger = steps.max(axis=1)
     moved = larger > 0.0

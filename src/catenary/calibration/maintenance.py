@@ -177,7 +177,7 @@ def refreshed_card(card: Card, refreshed: Refreshed, data: CalibrationData, *, s
 
 
 def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
-    """Return what moved, by most of its remaining error first: "J5 +2.9 deg, J3 +0.98 mm since 14 May 2026"."""
+    """Return the changes, largest share of its remaining error first: "J5 +2.9 deg, J3 +0.98 mm since 14 May 2026"."""
     told = [
         f"{change.name} {change.moved:+.2g} {change.unit}"
         for change in sorted(changes, key=lambda each: -abs(each.moved) / max(each.rmse_after, 1e-9))

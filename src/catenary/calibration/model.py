@@ -157,12 +157,12 @@ class CalibrationModel(OnScreen):
         return [said] if done else []
 
     def inside(self, X: Floats) -> Flags:
-        """Return whether features (N, F) lie in each joint's valid range, (N, n); what is believed: `correct`."""
+        """Return flags (N, n) of features (N, F) within each joint's valid range; see `correct`."""
         n = len(self.joint_names)
         return replace(self, largest=np.full(n, ANY_SIZE), limits=None).correct(X, np.zeros((len(X), n)))[1]
 
     def correction(self, X: Floats, q_nominal: Floats) -> Floats:
-        """Return what to add to q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range."""
+        """Return the correction of q_nominal (N, n), (N, n) [rad|m]; NaN features count as outside the valid range."""
         return self.correct(X, q_nominal)[0]
 
     def correct(self, X: Floats, q_nominal: Floats, leaping: Flags | None = None) -> tuple[Floats, Flags, Floats]:

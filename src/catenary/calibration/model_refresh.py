@@ -249,7 +249,7 @@ def trained_range(model: CalibrationModel, joint: int) -> tuple[float, float]:
 
 
 def _swept(model: CalibrationModel, data: CalibrationData) -> list[tuple[float, int]]:
-    """Return which share of each joint's trained range new rows show, and how often they sweep half of it or more."""
+    """Return the share of each joint's trained range in new rows, and the number of sweeps over half of it."""
     found = []
     for joint, q in enumerate(data.q_nominal.T):
         box = trained_range(model, joint)[1]
@@ -278,7 +278,7 @@ def _rmse_on(block: Integers, errors: Floats) -> Floats:
 
 
 def _pays(before: Floats, left: Floats, block: Integers) -> bool:
-    """Return whether a change leaves less on blocks that it did not see: by one standard error, and by 1 %, (N,)."""
+    """Return True if a change lowers errors on held-out blocks by one standard error and by 1 %, (N,)."""
     rmse = _rmse_on(block, np.column_stack([before, left]))
     if len(rmse) < 2:
         return False
@@ -288,6 +288,6 @@ def _pays(before: Floats, left: Floats, block: Integers) -> bool:
 
 
 def _pays_level(before: Floats, left: Floats, block: Integers, joints: list[int]) -> bool:
-    """Return whether coupled joints gain by another level, in their errors' logarithm, by two standard errors."""
+    """Return True if another level lowers coupled joints' log errors by two standard errors."""
     gain = np.log(_rmse_on(block, before[:, joints]) / _rmse_on(block, left[:, joints])).mean(axis=1)
     return bool(gain.mean() > max(2.0 * gain.std(ddof=1) / np.sqrt(len(gain)), _CLOSE_SHARE))

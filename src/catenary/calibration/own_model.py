@@ -45,7 +45,7 @@ def chosen(model: Any) -> tuple[str, Any]:
 
 
 def named(name: Named) -> Any:
-    """Return what "module:name" names; classes and functions as they are."""
+    """Return the object called "module:name"; classes and functions unchanged."""
     if not isinstance(name, str):
         return name
     try:
@@ -182,7 +182,7 @@ def _unpacked(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
 
 
 def _is_class_of(packages: set[str], name: str) -> bool:
-    """Return whether a name is of a class that one of these packages, which the caller named, defines."""
+    """Return True if a name is of a class that one of these packages, which the caller named, defines."""
     module, _, attribute = name.rpartition(".")
     found = getattr(import_module(module), attribute, None) if module.partition(".")[0] in packages else None
     return isinstance(found, type) and found.__module__.partition(".")[0] in packages

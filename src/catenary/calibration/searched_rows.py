@@ -137,6 +137,6 @@ class SumsBeside:
 
 
 def is_gain(before: Floats, after: Floats, least: float = _MIN_LOG_GAIN) -> bool:
-    """Return whether errors on blocks (K, m) fell: their logarithm by `least`, and by more than a chance."""
+    """Return True if log errors on blocks (K, m) fell by `least`, and significantly."""
     gain = np.log(before / after).mean(axis=1)  # of each block
     return bool(gain.mean() > max(least, gain.std(ddof=1) / np.sqrt(len(gain))))

@@ -31,7 +31,7 @@ def room_of(log: MotionLog, period: float | None) -> Floats:
 
 
 def largest_step(motions: Sequence[tuple[Floats, Floats]]) -> float:
-    """Return how far a joint may go from one row to the next: its fastest step in training rows, times _STEP_MARGIN.
+    """Return the largest credible step of a joint between rows: the fastest in training, times _STEP_MARGIN.
 
     Single rows far from both neighbours, up to one in 200, are left out: the steps are those of running medians of
     three rows, and of 99 % of the rows. Motions are positions (N,) [rad|m] and their `room_of`.

@@ -144,7 +144,7 @@ def expand(
 
 
 def term_owners(terms: Terms, joints: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Return what kind of term each column is, and the joint that it comes from; `joints` (F,) are the features'."""
+    """Return the kind of term and the joint of each column; `joints` (F,) are the features'."""
     is_signal = set(range(len(joints)))
     kinds = ["feature"] * len(is_signal)
     owners = list(joints)

@@ -184,7 +184,7 @@ class CrtkClient(CrtkReader):
         return self._position(self._latest["setpoint_js"].message())
 
     def _missing(self) -> list[str]:
-        """Say which topics lack messages or a listener."""
+        """Return the topics that lack messages or a listener, as text."""
         faults = super()._missing()
         for verb in ("servo_jp", "state_command"):
             topic = self._publishers[verb].topic

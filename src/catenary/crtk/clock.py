@@ -25,7 +25,7 @@ class Clock:
         return self._ahead + self.elapsed()
 
     def set_by(self) -> int:
-        """Return how far the time of day has been set since this was made [ns], back where negative."""
+        """Return the offset by which the time of day was set since construction [ns], negative if back."""
         while True:
             before, now, after = self.elapsed(), self.now(), self.elapsed()
             if after - before < _READING_NS:  # else this program stood still in between

@@ -129,7 +129,7 @@ class Commander:
         self._topic, self._looked = None, now
 
     def _was_under_way(self, gone: int) -> bool:
-        """Return whether a program that was seen to be gone [ns] moved the arm at its end, whenever that was."""
+        """Return True if a program that left at `gone` [ns] was moving the arm at its end."""
         least, most = gone - self._heard - self._stood, gone - self._heard + self._stood
         return any(
             least < (lapse + _LEASE_LATENESS_NS if lapse else _UNDER_WAY_NS) and most >= lapse - _UNDER_WAY_NS
@@ -137,7 +137,7 @@ class Commander:
         )
 
     def _is_same(self, process: str) -> bool:
-        """Return whether a process is the one that moves the arm: DDS may have learnt its node's name meanwhile."""
+        """Return True if a process is the one that moves the arm: DDS may have learnt its node's name meanwhile."""
         return bool(self._process) and process.split()[-1:] == [*self._process[-1:]]
 
     def _is_connected(self, topic: str) -> bool:

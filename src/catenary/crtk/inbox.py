@@ -121,7 +121,7 @@ class Subscription:
         self.leave: Callable[[], None] | None = None  # of its transport, called once when it is closed
 
     def has_room_for(self, size: int) -> bool:
-        """Return whether it takes messages of so many bytes; one that it does not take is counted."""
+        """Return True if messages of this many bytes fit; one that does not is counted."""
         if size <= self.largest:
             return True
         with self._inbox.lock:
@@ -155,7 +155,7 @@ class Subscription:
             self._came.notify_all()
 
     def take(self, timeout: float = 0.0) -> list[Received]:
-        """Return what has come since the last time, oldest first; wait for the first up to `timeout` [s]."""
+        """Return new messages, oldest first; wait for the first up to `timeout` [s]."""
         return [Received(one.message, one.time) for one in self.take_arrivals(timeout)]
 
     def take_arrivals(self, timeout: float = 0.0, most: int | None = None) -> list[Arrival]:
@@ -179,7 +179,7 @@ class Subscription:
         return count
 
     def __len__(self) -> int:
-        """Return how many wait."""
+        """Return the number of waiting messages."""
         return len(self._waiting)
 
     def close(self) -> None:

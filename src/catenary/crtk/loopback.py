@@ -61,7 +61,7 @@ class LoopbackPublisher(Publisher):
         return () if self.is_closed else tuple(self._transport.network.heard(self.topic))
 
     def is_heard(self) -> bool:
-        """Return whether anybody listens."""
+        """Return True if there is a listener."""
         others = tuple(self._transport.network.transports.values())
         return not self.is_closed and any(self.topic in one.hears for one in others)
 

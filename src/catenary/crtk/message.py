@@ -37,7 +37,7 @@ def header(stamp: int, frame_id: str = "") -> Message:
 
 
 def has_header(name: str) -> bool:
-    """Return whether a type begins with a header."""
+    """Return True if a type begins with a header."""
     parts = fields(name)
     return bool(parts) and parts[0].type == HEADER and parts[0].length is None
 

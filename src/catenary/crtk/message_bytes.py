@@ -84,7 +84,7 @@ def codec(name: str, encoding: Encoding = ROS1) -> Codec:
 
 @cache
 def _writer(name: str, encoding: Encoding) -> Callable[[Message], bytes]:
-    """Return what writes a message of a type; it raises NO_MESSAGE of values that do not fit."""
+    """Return the serialiser of a message type; it raises NO_MESSAGE for values that do not fit."""
     return _joint_state_writer(encoding) if name == _JOINT_STATE else _rosbags_writer(name, encoding)
 
 
@@ -96,7 +96,7 @@ def _rosbags_writer(name: str, encoding: Encoding) -> Callable[[Message], bytes]
 
 
 def _joint_state_writer(encoding: Encoding) -> Callable[[Message], bytes]:
-    """Return what writes joint states, which a robot sends most, in a quarter of the time that rosbags takes.
+    """Return the serialiser of joint states, the most frequent type, four times as fast as rosbags'.
 
     Rosbags writes what stands before the numbers, once for a frame and names; stamp and arrays go in here.
     """
@@ -128,7 +128,7 @@ def _joint_state_writer(encoding: Encoding) -> Callable[[Message], bytes]:
 
 
 def _misfit(name: str, message: Message, encoding: Encoding) -> str | None:
-    """Say which field of a message cannot be written, and why."""
+    """Return the message about the first field that cannot be written, and why."""
     for field, value in message_fields(name, message):
         try:
             _writer(name, encoding)(message_class(name)(**{field.name: value}))
@@ -142,7 +142,7 @@ def _misfit(name: str, message: Message, encoding: Encoding) -> str | None:
 
 @cache
 def _preparation(name: str, encoding: Encoding) -> _Change:
-    """Return what makes the values of a message those that rosbags writes by their names."""
+    """Return the conversion of a message's values to those that rosbags writes by name."""
     kind = message_class(name)
     changes = [(k, change) for k, field in enumerate(fields(name)) if (change := _prepared(field, encoding))]
     is_empty = encoding is CDR and not fields(name)
@@ -163,7 +163,7 @@ def _preparation(name: str, encoding: Encoding) -> _Change:
 
 
 def _prepared(field: Field, encoding: Encoding) -> _Change | None:
-    """Return what makes a field's value rosbags'; None where it is as it is."""
+    """Return the conversion of a field's value to rosbags'; None where it is unchanged."""
     length = field.length
     if field.type in NUMBERS:
         kind = np.dtype(NUMBERS[field.type])
@@ -217,7 +217,7 @@ def _array(value: Any, kind: "np.dtype[Any]", length: int) -> Any:
 
 @cache
 def _completion(name: str, encoding: Encoding) -> _Change:
-    """Return what makes a message out of rosbags' object of a type, of ROS 1 or 2, whose headers have no `seq`."""
+    """Return the conversion of rosbags' object, of ROS 1 or 2, whose headers have no `seq`, to a message."""
     lacking = (0,) if encoding is CDR and name == HEADER else ()
     kind, parts = message_class(name), fields(name)[len(lacking) :]
     changes = [(k, change) for k, field in enumerate(parts) if (change := _completed(field, encoding))]
@@ -235,7 +235,7 @@ def _completion(name: str, encoding: Encoding) -> _Change:
 
 
 def _completed(field: Field, encoding: Encoding) -> _Change | None:
-    """Return what makes a field's value out of rosbags'; None where it is as it is."""
+    """Return the conversion of a field's value from rosbags'; None where it is unchanged."""
     if field.type in NUMBERS:
         return None if field.length is None else np.array  # aligned, and the receiver's own
     if field.length is not None:

@@ -38,11 +38,11 @@ class RosArguments:
     transport: str | None = None  # rclpy or dds; the first that there is when None
 
     def network_name(self, name: str) -> str:
-        """Return what a topic or service is called on the network."""
+        """Return a topic's or service's name on the network."""
         return self.topics.get(name, name)
 
     def own_name(self, name: str) -> str | None:
-        """Return what this program calls a topic of the network, or None where that name means another one to it."""
+        """Return this program's name of a network topic; None where that name means another topic to it."""
         own = next((own for own, other in self.topics.items() if other == name), None)
         return own or (None if name in self.topics else name)
 
@@ -56,7 +56,7 @@ def say_ros_arguments(arguments: RosArguments) -> None:
 
 
 def said_ros_arguments() -> RosArguments:
-    """Return what was said for the command that runs now."""
+    """Return the ROS arguments of the running command."""
     return _said.get() or RosArguments()
 
 
@@ -74,7 +74,7 @@ def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def parse_ros_arguments(words: Sequence[str]) -> RosArguments:
-    """Return what `-r FROM:=TO` (`--remap`) say, the last of each."""
+    """Return the remappings of `-r FROM:=TO` (`--remap`), the last of each."""
     topics: dict[str, str] = {}
     node, namespace = None, "/"
     rest = list(words)
@@ -132,7 +132,7 @@ class TransportKind:
         return f"{self.name}: {self.words}"
 
     def suits(self, said: RosArguments) -> bool:
-        """Return whether it is taken where nobody asks for it by name."""
+        """Return True if the transport is chosen where none is named."""
         told = said.distro is None and os.environ.get("ROS_DISTRO") not in _TELLING_NO_SENDER
         return told or not self.is_of_a_distribution
 

@@ -159,7 +159,7 @@ class _ReadTopic(HeardTopic):
                 self._node.destroy_subscription(self._readers.popitem()[1])
 
     def take(self) -> None:
-        """Give what has come."""
+        """Return new messages."""
         with self._lock:
             for reader in tuple(self._readers.values()):
                 while (came := reader.handle.take_message(self._kind, True)) is not None:
@@ -173,7 +173,7 @@ class _ReadTopic(HeardTopic):
         self.give(data, self._steady(), self._origin(told.get("publisher_gid")), sent)
 
     def _origin(self, told: Mapping[str, Any] | None) -> Origin | None:
-        """Say where a message came from: rclpy tells it since Kilted; before, it is clear where one publishes alone."""
+        """Return the sender of a message: by rclpy since Kilted; before, it is known where one publishes alone."""
         if told is None:
             return next(iter(self._publishers.values())) if len(self._publishers) == 1 else None
         gid = bytes(told["data"])

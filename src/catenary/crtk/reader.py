@@ -324,7 +324,7 @@ class CrtkReader(NeverMoved):
             self.transport.sleep(0.01)
 
     def _missing(self) -> list[str]:
-        """Say which topics lack messages."""
+        """Return the topics that lack messages, as text."""
         verbs = _READS if self._obeys else ("measured_js",) if self._state else ("measured_js", "operating_state")
         needed = [self._latest[verb] for verb in verbs]
         faults = [self._silence(latest) for latest in needed if latest.message() is None]

@@ -157,7 +157,7 @@ _SETTINGS = frozenset(
 
 
 def is_dvrks(verb: str, kind: str | None = None) -> bool:
-    """Return whether a verb is one that a dVRK's arms have besides CRTK's; of one kind of `DVRK_ARMS` where given."""
+    """Return True if a verb is one that a dVRK's arms have besides CRTK's."""
     return verb in (_ALL_DVRKS if kind is None else _DVRK | DVRK_ARMS.get(kind, {}))
 
 
@@ -191,7 +191,7 @@ RAVEN_TOPICS = tuple(_raven())
 
 
 def calibrated_namespace(arm: Arm, namespace: str | None = None) -> str:
-    """Return what is in front of the topics of an arm's deployed calibration model; its namespace's, if it has one."""
+    """Return the prefix of the topics of an arm's deployed model; its namespace's, if it has one."""
     return f"{NAMESPACES[arm] if namespace is None else '/' + namespace.strip('/')}/calibrated"
 
 

@@ -79,7 +79,7 @@ class Publisher:
         return self._listeners
 
     def is_heard(self) -> bool:
-        """Return whether anybody listens; cheap enough for a tick."""
+        """Return True if there is a listener; cheap enough for a tick."""
         return bool(self.subscribers())
 
     def close(self) -> None:
@@ -217,7 +217,7 @@ class Transport(ABC):
         return frozenset()
 
     def is_up(self) -> bool:
-        """Return whether it is open, and whatever brings peers together (ROS 1's master) answers."""
+        """Return True if it is open, and its discovery (ROS 1's master) answers."""
         return not self.inbox.closed
 
     def now(self) -> int:

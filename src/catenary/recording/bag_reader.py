@@ -201,7 +201,7 @@ class Rescue(NamedTuple):
 
 
 def is_journal(path: Path) -> bool:
-    """Return whether a folder holds a journal's files, or a file is one."""
+    """Return True if a folder holds a journal's files, or a file is one."""
     if path.is_dir():
         return not (path / "metadata.yaml").is_file() and any(map(is_journal_name, path.glob("*.mcap")))
     if path.suffix != ".mcap" or not path.is_file():

@@ -31,7 +31,7 @@ Records = Integers
 
 
 def next_chunk(file: BinaryIO, position: int, size: int, *, is_ros1: bool) -> int | None:
-    """Return where the next chunk of a ROS 1 bag, or of MCAP, begins, or None; the file is left anywhere."""
+    """Return the offset of the next chunk of a ROS 1 bag, or of MCAP, or None; the file position changes."""
     sign, begin_of = (_ROS1_CHUNK, _ros1_chunk) if is_ros1 else (_MCAP_CHUNK, _mcap_chunk)
     while position < size:
         file.seek(position)
@@ -45,7 +45,7 @@ def next_chunk(file: BinaryIO, position: int, size: int, *, is_ros1: bool) -> in
 
 
 def _ros1_chunk(block: bytes, sign: int) -> int | None:
-    """Return where the chunk begins whose header has its op at `sign`."""
+    """Return the offset of the chunk whose header has its op at `sign`."""
     for begin in range(max(0, sign - _REACH_BYTES // 2), sign - 7):
         length = _U32.unpack_from(block, begin)[0]
         if sign < begin + 4 + length <= begin + _REACH_BYTES:

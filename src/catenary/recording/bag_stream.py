@@ -234,7 +234,7 @@ class BagStream(Source):
             self.holes.append((self.last, None))
 
     def _is_followed(self, file: BinaryIO, size: int, kinds: Container[int]) -> bool:
-        """Return whether a whole record of these kinds begins here, or MCAP's mark; the place is kept."""
+        """Return True if a whole record of these kinds begins here, or MCAP's magic; the position is kept."""
         place, head, kind, length = file.tell(), file.read(9), 0, size
         if self.is_ros1:
             file.seek(place)

@@ -86,7 +86,7 @@ class LeftOff(NamedTuple):
 
 
 def same_origin(stated: Sequence[About | None]) -> About | None:
-    """Return what the files of one recording say of it; refuse files of different robots."""
+    """Return the description of a recording from its files; refuse files of different robots."""
     said = [about for about in stated if about is not None]
     if any((about.robot, about.simulated) != (said[0].robot, said[0].simulated) for about in said):
         found = ", ".join(f"{a.robot} ({'simulated' if a.simulated else 'real'})" for a in said)
@@ -95,7 +95,7 @@ def same_origin(stated: Sequence[About | None]) -> About | None:
 
 
 def is_journal_name(path: Path) -> bool:
-    """Return whether a file bears a name as a journal's files do."""
+    """Return True if a file is named as a journal's files are."""
     return path.suffix == ".mcap" and len(path.stem) >= 4 and path.stem.isdigit()
 
 
@@ -261,11 +261,11 @@ class JournalWriter:
             log.exception("%s: could not be closed", self.folder)
 
     def _begin(self) -> bytes:
-        """Return how a file begins."""
+        """Return the beginning of a file."""
         return MAGIC + _record(_HEADER, _text("ros1"), _text(LIBRARY)) + self._origin() + self._topics
 
     def _origin(self) -> bytes:
-        """Return what the recording is of, and how much of it was there before."""
+        """Return the description of the recording, and the amount that was there before."""
         return self._about + metadata_record(PASS, begins=repr(self._begins))
 
     def _open_file(self) -> None:

@@ -147,7 +147,7 @@ def read_messages(
 
 
 def decodable(name: str, block: Block, encoding: Encoding, fields_of: FieldsOf) -> Flags:
-    """Return which messages of a topic are whole messages of its type, (N,)."""
+    """Return flags of complete messages of a topic's type, (N,)."""
 
     def is_whole(messages: Block) -> bool:
         try:
@@ -161,7 +161,7 @@ def decodable(name: str, block: Block, encoding: Encoding, fields_of: FieldsOf) 
 
 
 def fields_by_definition(where: str, kind: str, definition: str, encoding: Encoding) -> FieldsOf:
-    """Return what gives the fields of a topic's message type and of those within it."""
+    """Return the function that gives the fields of a topic's message type and of those within it."""
     where = f"{where}: type {cut(kind)}"
     types = _of_ros(encoding)
     if definition.strip():

@@ -322,7 +322,7 @@ def _read_columns(path: Path, file: Any) -> dict[str, NDArray[Any]]:
 
 
 def _stated(path: Path, metadata: Mapping[bytes, bytes]) -> _Stated:
-    """Return what a log's schema says of it."""
+    """Return the metadata of a log's schema."""
     none = f"{path}: is Parquet but no catenary motion log: its schema lacks the joint names and units"
     if b"catenary" not in metadata:
         raise FileFormatError(f"{none}; {to_import(path)}")

@@ -132,7 +132,7 @@ def check_type(path: Path, topic: str, name: str, definition: str, *, ros: int =
 
 @lru_cache(maxsize=64)
 def types_of(where: str, name: str, definition: str) -> Typesdict:
-    """Return what a message's definition says of its type and of those that it contains, in .msg or in IDL."""
+    """Return the types in a message's definition, in .msg or in IDL."""
     is_idl = definition.lstrip("= \n").startswith("IDL:")
     lines = (line.split("#")[0].rstrip() if "=" not in line else line for line in definition.split("\n"))
     plain = definition if is_idl else "\n".join(line for line in lines if line.strip())

@@ -141,7 +141,7 @@ def _as_if(mend: Mend, begun: Mend, seen: Iterable[Finding], known: Sequence[Fin
 
 
 def _late(delays: KnownDelays, mend: Mend, pairs: Pairs, place: Integers) -> list[Finding]:
-    """Return what is found of delays under a mend: it takes long, and a command asks once for each of its models."""
+    """Return findings about delays under a correction, cached: a command asks once for each of its models."""
     if mend not in delays:
         delays[mend] = delay_findings(pairs, place)
     return delays[mend]

@@ -88,7 +88,7 @@ class Delay:
         return self.seconds - self.rate[0] * self.middle
 
     def __str__(self) -> str:
-        """Say what was found and what could hide."""
+        """Return the delay and its uncertainty as text."""
         between = f"any between {self.low:+.3f} and {self.high:+.3f} {self.unit}"
         if self.sure == "unknown":
             return "whether measurements lie behind commands is not known: too few rows in motion"
@@ -101,7 +101,7 @@ class Delay:
 
     @property
     def _single(self) -> str:
-        """Say what could hide of one joint alone, and of which joints any delay could."""
+        """Return the sentence on delays of one joint alone that the recording leaves open."""
         most = _UNTOLD[self.unit]
         wide = [each for each in self.alone if each[2] - each[1] > SHARP[self.unit]]
         told = [f"{joint} {low:+.2f} to {high:+.2f}" for joint, low, high in wide if high - low <= most]
@@ -193,7 +193,7 @@ def delay_of(
 
 
 def reach_of(log: MotionLog) -> tuple[float, float]:
-    """Return how far a delay is looked for, in seconds (rows without stamps), and in rows; 0 rows where unknown."""
+    """Return the search range of a delay, in seconds (rows without stamps), and in rows; 0 rows where unknown."""
     if log.time is None:
         return _REACH_ROWS, _REACH_ROWS
     step = float(np.median(np.diff(log.time))) if len(log) > 1 else 0.0
@@ -249,7 +249,7 @@ class _JointLook:
         self.rows = rows
 
     def unexplained(self, rows: Integers, d: float | Floats) -> Floats:
-        """Return what is unexplained of some rows when commands are read a time d earlier; each block has its zero."""
+        """Return the residual of some rows when commands are read a time d earlier; each block has its zero."""
         from scipy.optimize import nnls
 
         s = self.t[rows] - d

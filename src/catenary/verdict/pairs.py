@@ -24,12 +24,12 @@ MOVED_DEG_MM = 1.0  # [deg, mm] least range of a joint that counts as moved: bel
 
 
 def scales(log: MotionLog) -> Floats:
-    """Return what makes joint positions deg and mm, (n,)."""
+    """Return the factors of joint positions to deg and mm, (n,)."""
     return np.array([DISPLAY[unit][1] for unit in log.joint_units])
 
 
 def outliers(errors: Floats) -> tuple[Integers, Floats]:
-    """Return how many of N errors (N, n) lie beyond OUTLIER_SIGMAS robust standard deviations, and these, (n,)."""
+    """Return the number of N errors (N, n) beyond OUTLIER_SIGMAS robust standard deviations, and these, (n,)."""
     count, spread = np.zeros(errors.shape[1], dtype=np.int64), np.zeros(errors.shape[1])
     for j, column in enumerate(errors.T):  # one at a time: of a long recording each is large
         deviation = np.abs(column - np.median(column))
@@ -39,7 +39,7 @@ def outliers(errors: Floats) -> tuple[Integers, Floats]:
 
 
 def slack_of(command: Floats, measured: Floats) -> float:
-    """Return how far errors lie apart on rows where the measurement moves; nearly all of them, as some are wild."""
+    """Return the spread of errors on rows where the measurement moves; of nearly all, as some are wild."""
     moving = np.diff(measured, prepend=measured[:1]) != 0.0
     return float(np.ptp(np.percentile((measured - command)[moving], [1.0, 99.0]))) if moving.any() else 0.0
 
@@ -174,7 +174,7 @@ def in_stretches(rows: Integers, most: int, command: Floats, time: Floats | None
 
 
 def reversals_of(command: Floats) -> int:
-    """Return how often a command (N,) turns, by _REVERSAL_SHARE of its range or more."""
+    """Return the number of reversals of a command (N,), by _REVERSAL_SHARE of its range or more."""
     way = np.sign(np.diff(play(np.ascontiguousarray(command), _REVERSAL_SHARE / 2.0 * float(np.ptp(command)))))
     return int((np.diff(way[way != 0.0]) != 0.0).sum())
 
@@ -234,7 +234,7 @@ class Hysteresis(NamedTuple):
 
 
 def hysteresis_of(log: MotionLog) -> list[Hysteresis]:
-    """Return what each joint shows of slack and hysteresis."""
+    """Return each joint's slack and hysteresis."""
     q = scales(log) * log.q_nominal
     moved = [k for k in range(q.shape[1]) if np.ptp(q[:, k]) > MOVED_DEG_MM]
     turns = [reversals_of(q[:, k]) if k in moved else 0 for k in range(q.shape[1])]

@@ -127,7 +127,7 @@ def filled_findings(log: MotionLog) -> list[Finding]:
 
 
 def _off_lines(x: Floats, at: Floats) -> Floats:
-    """Return how far rows (N, n) lie off the lines between their neighbours, the farthest of the columns, (N - 2,)."""
+    """Return the distance of rows (N, n) from the lines between their neighbours, the largest column, (N - 2,)."""
     whole = at[2:] - at[:-2]
     share = np.divide(at[1:-1] - at[:-2], whole, out=np.full(len(whole), np.nan), where=whole > 0.0)
     return _largest((column[1:-1] - (1.0 - share) * column[:-2] - share * column[2:] for column in x.T), len(share))

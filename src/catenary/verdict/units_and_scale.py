@@ -85,7 +85,7 @@ def slope_findings(pairs: Pairs, place: Integers) -> Iterator[Finding]:
 
 
 def _unit_of(slope: float, unit: str) -> tuple[str, str] | None:
-    """Return which array is in which unit if a slope tells it: the factor nearest to it by its logarithm."""
+    """Return the units of both arrays by a slope: the nearest factor by its logarithm."""
     best, distance = None, np.log(_UNIT_FACTOR_RATIO)
     for name, factor in _UNIT_FACTORS[unit].items():
         for array, expected in (("q_encoder", factor), ("q_nominal", 1.0 / factor)):
@@ -211,7 +211,7 @@ def _reached(log: MotionLog) -> Floats:
 def _beyond(
     log: MotionLog, beyond: list[int], units: dict[int, str], expected: tuple[Floats, Floats], said: str
 ) -> list[Finding]:
-    """Say which joints lie beyond what was expected; in other units where `units` tells those of all."""
+    """Return the sentence on joints beyond the expected range; in other units where `units` has those of all."""
     if not beyond:
         return []
     (least, most), (low, high), names = _reached(log), expected, tuple(log.joint_names[i] for i in beyond)

@@ -82,7 +82,7 @@ class Distribution(NamedTuple):
     has_hashes: bool  # topics' ends carry a hash of their type, which ROS 2 warns without
 
     def said_of(self, type_hash: str) -> str:
-        """Return what the end of a topic says of its type, in its user data."""
+        """Return the user data of a topic's endpoint about its type."""
         return f"typehash={type_hash};" if self.has_hashes else ""
 
 
@@ -246,12 +246,12 @@ def _settings(interfaces: str) -> str:
 
 
 def _reaches_others() -> bool:
-    """Return whether programs of other machines are to be heard."""
+    """Return True if programs of other machines are discovered."""
     return _range() == "SUBNET" or (_range() == "LOCALHOST" and bool(_peers()))
 
 
 def _range() -> str:
-    """Return how far programs are looked for; ROS_LOCALHOST_ONLY goes before, as in ROS 2."""
+    """Return the discovery range; ROS_LOCALHOST_ONLY takes precedence, as in ROS 2."""
     if os.environ.get("ROS_LOCALHOST_ONLY", "") == "1":
         return "LOCALHOST"
     wide = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "") or "SUBNET"
@@ -499,7 +499,7 @@ class Program:
         return list(gid.ljust(self.distribution.gid, b"\0"))
 
     def ends(self, known: Mapping[int, Endpoint], handles: Iterable[int]) -> list[Endpoint]:
-        """Return what Cyclone calls by these handles; it is looked up anew only where one is not known yet."""
+        """Return the endpoints of these handles; they are looked up only where one is unknown."""
         found = [handle % _HANDLES for handle in handles]
         if not known.keys() >= set(found):
             self.look()

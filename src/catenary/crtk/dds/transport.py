@@ -94,7 +94,7 @@ class ListenedTopic(HeardTopic):
         self.give(sample.data, self._steady(), origin, info.source_timestamp)
 
     def _origin(self, handle: int) -> tuple[Endpoint | None, Origin | None]:
-        """Say where a message came from; nothing of a writer that came and went at once."""
+        """Return the sender of a message; empty for a writer that has left already."""
         directory = self._program.directory
         end = directory.publications.get(handle)
         known = self._origins.get(handle)
@@ -107,7 +107,7 @@ class ListenedTopic(HeardTopic):
 
 
 def _asked_of(publisher: Endpoint) -> Quality:
-    """Return what to ask a publisher for, so that it gives what it offers."""
+    """Return the quality of service to request of a publisher: the one it offers."""
     offered = publisher.quality
     return Quality(is_latched=offered.is_latched) if offered.is_reliable else Quality(is_reliable=False)
 
@@ -143,7 +143,7 @@ class DdsPublisher(Publisher):
             return program.directory.names(program.ends(program.directory.subscriptions, handles))
 
     def is_heard(self) -> bool:
-        """Return whether anybody listens."""
+        """Return True if there is a listener."""
         return not self.is_closed and bool(self._writer.get_publication_matched_status().current_count)
 
     def _send(self, message: Message) -> None:

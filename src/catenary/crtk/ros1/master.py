@@ -57,7 +57,7 @@ class Master:
         return self._lookup("lookupNode", name)
 
     def node_answers(self, uri: str, topic: str | None = None) -> bool:
-        """Return whether a node is alive, and publishes a topic: another may have the port of one that crashed."""
+        """Return True if a node is alive and publishes a topic: another may have the port of one that crashed."""
         try:
             published = self.ask(uri, "getPublications")
         except (TransportError, Refused):
@@ -65,7 +65,7 @@ class Master:
         return topic is None or topic in dict(published)
 
     def service_answers(self, name: str) -> bool:
-        """Return whether a service is offered by a program that is alive."""
+        """Return True if a living program offers a service."""
         parts = urlparse(self._lookup("lookupService", name) or "")
         if parts.hostname is None:
             return False

@@ -96,7 +96,7 @@ def _pass_over(topic: str, buffer: BytesIO, sock: Any) -> None:
 
 
 def _read_greeting(sock: Any, buffer: BytesIO, size: int) -> dict[str, str]:
-    """Return what a new peer says first, by a socket that waits; as rospy does it, within bounds."""
+    """Return a new peer's first message from a blocking socket, as rospy does, within bounds."""
     head = sock.recv(_LENGTH.size, socket.MSG_WAITALL)
     if len(head) < _LENGTH.size:
         raise rosgraph.network.ROSHandshakeException("the connection ended before its header had come")
@@ -252,7 +252,7 @@ class RosTopic(HeardTopic):
         return tuple(sorted(str(one.callerid_pub or one.endpoint_id) for one in _connections(self.ros)))
 
     def _has_room_for(self, size: int) -> bool:
-        """Return whether a message of so many bytes is for anybody; who has no room for it counts it."""
+        """Return True if a subscriber takes a message of this many bytes; those without room count it."""
         return max((one.has_room_for(size) for one in self.subscriptions), default=True)
 
     def _receive(self, message: Any) -> None:
@@ -262,7 +262,7 @@ class RosTopic(HeardTopic):
             self.give(message.data, time, self._origin(message._connection_header))
 
     def _origin(self, head: dict[str, str]) -> Origin:
-        """Say where a message came from; rospy makes a connection's header anew when it has connected again."""
+        """Return the sender of a message; rospy renews a connection's header when it reconnects."""
         name = head.get("callerid", "")
         known = self._origins.get(name)
         if known is None or known.connection is not head:

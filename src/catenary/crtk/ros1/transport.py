@@ -101,7 +101,7 @@ class Ros1Transport(Transport):
         return listed.difference(self.connections(topic).publishers)
 
     def is_up(self) -> bool:
-        """Return whether it is open and the master answered when last asked, half a second ago at most."""
+        """Return True if it is open and the master answered when last asked, half a second ago at most."""
         return self.node.up and not self.inbox.closed
 
     def close(self) -> None:

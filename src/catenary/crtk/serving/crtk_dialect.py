@@ -140,7 +140,7 @@ def _emulate_tool_present(_: ServedArm, message: Message) -> None:
 
 
 def _master(arm: ServedArm) -> MasterArm:
-    """Return what an MTM has beside other arms; no other one has a verb that asks for it."""
+    """Return the commands and states that only an MTM has."""
     return cast(MasterArm, arm.master)
 
 
@@ -321,7 +321,7 @@ class CrtkDialect(Dialect):
 
 
 def _has(arm: ServedArm, verb: str) -> bool:
-    """Return whether an arm has what a verb needs."""
+    """Return True if an arm has the command of a verb."""
     if is_dvrks(verb):
         return is_dvrks(verb, arm.dvrk) and arm.dvrk != ""
     if verb == "jaw/servo_jf":

@@ -110,7 +110,7 @@ def single_number(message: Message) -> float:
 
 
 def joints_and_tool(child: str | None = None) -> dict[str, Callable[[ServedArm, int], Message]]:
-    """Return what both dialects publish of an arm in every tick, verb by verb: messages of it at a stamp [ns].
+    """Return the topics that both dialects publish of an arm in every tick: verb and message at a stamp [ns].
 
     Poses are TransformStamped where `child`, the tool's frame, is given; velocities [m/s, rad/s] in base axes.
     """

@@ -97,7 +97,7 @@ _RVIZ_SHIFT = np.array([0.0, 0.0, -0.47, -np.pi / 4.0, 0.0, 0.0, 0.0])
 
 
 def grasp_measured_js(arm: ServedArm, stamp: int) -> Message:
-    """Return what a RAVEN-II says of a grasp: opening and both jaws, one velocity, one effort, its own names."""
+    """Return a RAVEN-II's grasp state: opening and both jaws, one velocity, one effort, its own names."""
     names = tuple(f"{arm.arm}_{name}" for name in ("grasp", "jaw1", "jaw2"))
     opening = jaw(arm, arm.measured, stamp, "grasp")
     positions = [opening.position[0], *arm.measured.q[-arm.tool.jaws :]]
@@ -189,7 +189,7 @@ class RavenDialect(Dialect):
 
 
 def _is_grasp(arm: ServedArm, message: Message) -> bool:
-    """Return whether a command's single number means the grasp: it has no name, or none of a joint."""
+    """Return True if a command's single number is the grasp: it has no name, or none of a joint."""
     one = len(message.position) == 1 and len(message.name) <= 1
     return one and not named_joints(message, arm.names)
 

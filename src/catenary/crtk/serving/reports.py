@@ -51,12 +51,12 @@ class Reports:
             _logger.warning("%s", line)
 
     def take_told(self) -> list[tuple[str, str]]:
-        """Return what the clients of arms are to be told since the last time, the latest 20."""
+        """Return the new reports for clients of arms, the latest 20."""
         told = list(self._told)
         self._told.clear()
         return told
 
     def take(self) -> list[str]:
-        """Return what was logged since the last time, the latest 20."""
+        """Return the new log lines, the latest 20."""
         fresh, self._fresh = self._fresh, []
         return fresh

@@ -119,7 +119,7 @@ class ServedArm:
 
     @property
     def is_ready(self) -> bool:
-        """Return whether commands move it."""
+        """Return True if commands move it."""
         return self.plant.operating_state().is_ready
 
     def increment(self, dq: Floats) -> None:
@@ -287,7 +287,7 @@ class ServedArm:
         return measured.tau - self.gravity_torque(measured.q, measured.gravity)
 
     def _step_velocity(self) -> Floats:
-        """Return how fast the setpoint goes (n,); where control has just begun, it has not gone anywhere."""
+        """Return the velocity of the setpoint (n,); zero where control has just begun."""
         before, self._before = self._before, (self.setpoint.q, self.is_ready)
         q, ready = self._before
         return (q - before[0]) / self.plant.period if before and before[1] and ready else np.zeros(len(q))
@@ -343,7 +343,7 @@ class ServedArm:
             yield q
 
     def _along(self, trajectory: Trajectory, begin: int) -> tuple[Floats, bool]:
-        """Return where a trajectory that began in a tick is now (n,), and whether it ends there."""
+        """Return the present position of a trajectory that began in a tick (n,), and whether it ends there."""
         time = (self.tick + 1 - begin) * self.plant.period
         q = np.array(trajectory(min(time, trajectory.duration)).q)
         return q, time >= max(trajectory.duration, _LEAST_BUSY_S)

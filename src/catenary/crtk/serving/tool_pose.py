@@ -183,7 +183,7 @@ def torques_for(tool: ToolState, wrench: Floats, frame: FrameOfForces) -> Floats
 
 
 def _twist_map(pose: Pose, frame: FrameOfForces) -> Floats:
-    """Return what takes a twist of the tool in base axes into a frame, (6, 6)."""
+    """Return the matrix from a twist of the tool in base axes to one in a frame, (6, 6)."""
     found = np.eye(6)
     if frame is FrameOfForces.BODY:
         found[:3, :3] = found[3:, 3:] = pose.rotation.T

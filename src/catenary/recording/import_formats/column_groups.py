@@ -129,12 +129,12 @@ class Candidate:
         return (self.stream.rows - 1) * SECOND / float(arrival[-1] - arrival[0])
 
     def part(self, columns: Sequence[str]) -> "Candidate":
-        """Return it with some of its columns."""
+        """Return the group with some of its columns."""
         joints = dict(zip(self.columns, self.joints, strict=True))
         return replace(self, columns=tuple(columns), joints=tuple(joints[c] for c in columns))
 
     def of_joints(self, joints: Sequence[str]) -> "Candidate":
-        """Return it with the columns of these joints, in this order."""
+        """Return the group with the columns of these joints, in this order."""
         return self.part([self.columns[self.joints.index(joint)] for joint in joints])
 
     def is_followed_by(self, other: "Candidate") -> bool:
@@ -296,7 +296,7 @@ def _of_table(stream: Stream, today: float, model: Jointed | None) -> list[Candi
 
 
 def moving_columns(stream: Stream, today: float) -> MovingColumns | None:
-    """Return which columns of a table without names are what, told by how they move; None where that tells nothing."""
+    """Return the quantities of a nameless table's columns, by their motion; None where it does not determine them."""
     if not is_nameless(stream) or set(_words(next(iter(stream.columns)))) & _OF_QUANTITIES:
         return None
     times = {*time_columns(stream), *stream.dates}
@@ -332,7 +332,7 @@ def _by_shared_number(columns: Sequence[str]) -> list[list[str]]:
 
 
 def _own_parts(columns: Sequence[str]) -> tuple[str, ...]:
-    """Return what of each name is its own: without what all share between slashes, the quantity's words and units."""
+    """Return the distinctive part of each name: without shared path, the quantity's words and units."""
     segments = [column.split("/") for column in columns]
     shared = set.intersection(*map(set, segments)) if len(columns) > 1 else set[str]()
     own = ["_".join(segment for segment in each if segment not in shared) for each in segments]
@@ -411,7 +411,7 @@ def by_motion(columns: Mapping[str, NDArray[np.generic]], seconds: Floats | None
 
 
 def _derivatives(values: Floats, time: Floats, *, any_size: bool) -> Flags:
-    """Return whether column j is the derivative of column i, (m, m)."""
+    """Return flags (m, m): column j is the derivative of column i."""
     middle = 0.5 * (values[1:] + values[:-1]) * np.diff(time)[:, np.newaxis]
     sums = np.vstack([np.zeros(values.shape[1]), np.cumsum(middle - middle.mean(axis=0), axis=0)])
     best, size = np.zeros((2, values.shape[1], values.shape[1]))

@@ -160,7 +160,7 @@ def joint_units_of(
 def factors(
     name: str, quantity: Quantity, joint_units: Sequence[str] | None, n: int
 ) -> tuple[tuple[str, ...] | None, Floats]:
-    """Return which of the joints' units a quantity's stand for, or None, and what makes its numbers SI, (n,)."""
+    """Return the joints' units that a quantity's stand for, or None, and factors to SI, (n,)."""
     units = _each(f"{name}: units", quantity.units, n)
     scale = np.array(_each(f"{name}: scale", quantity.scale, n) or (1.0,) * n)
     scale = scale * np.array(_each(f"{name}: sign", quantity.sign, n) or (1.0,) * n)

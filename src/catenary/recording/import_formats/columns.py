@@ -51,7 +51,7 @@ class Stream:
         return f"{column} [{self.units[column]}]" if self.units.get(column) else column
 
     def with_column(self, name: str, values: NDArray[Any]) -> "Stream":
-        """Return it with a column in place of its own."""
+        """Return the stream with a column replaced."""
         return replace(self, columns={**self.columns, name: values})
 
     def part(self, first: int, last: int) -> "Stream":

@@ -78,7 +78,7 @@ class DateFormat:
 
 
 def date_format(texts: Sequence[str]) -> DateFormat | None:
-    """Return how all of some texts are written; None where they are no dates.
+    """Return the common date format of some texts; None where they are no dates.
 
     The order of day and month is told by a year that comes first, a month by name, points (day first), a number above
     12, or the shorter of the two times that would have passed.
@@ -168,7 +168,7 @@ class TextDialect(NamedTuple):
         return [cell.strip() for cell in next(csv.reader(islice([line], 1), delimiter=self.separator), [])]
 
     def is_value(self, cell: str) -> bool:
-        """Return whether a cell may stand in a column of numbers, an empty one too; 20260311_235958 may not."""
+        """Return True if a cell may stand in a column of numbers, an empty one too; 20260311_235958 may not."""
         with suppress(ValueError):
             plain_number(cell.replace(",", ".") if self.decimal == "," else cell)
             return True
@@ -201,7 +201,7 @@ class TextHead(NamedTuple):
 
 
 def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unended: str = "") -> TextHead:
-    """Tell how a text table is read, by its first lines, its last ones if not among them, and a last one `unended`.
+    """Infer the layout of a text table from its first lines, its last ones if not among them, and one `unended`.
 
     Comment lines begin with #, % or //. Rows begin where a line has the usual number of cells, and none that is text
     above numbers. The line of names is the last line before them, or the last comment, that has a cell for each
@@ -263,7 +263,7 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unende
 
 
 def _dialect(lines: Sequence[str]) -> TextDialect:
-    """Tell what separates columns: that by which most cells are numbers."""
+    """Infer the separator of columns: the one by which most cells are numbers."""
     found: list[tuple[float, TextDialect]] = []
     for dialect in (TextDialect(*signs) for signs in (";.", "\t.", ",.", " .", ";,", "\t,", " ,")):
         rows = [dialect.split(line) for line in lines[: max(3, min(50, 100_000 // len(max(lines, key=len))))]]
@@ -277,7 +277,7 @@ def _dialect(lines: Sequence[str]) -> TextDialect:
 
 
 def _is_row(cells: Sequence[str], tail: Sequence[Sequence[str]], dialect: TextDialect) -> bool:
-    """Return whether a line is of the table: as wide, and no text where most of the last lines have a value."""
+    """Return True if a line is of the table: as wide, and no text where most of the last lines have a value."""
     if len(cells) != len(tail[0]):
         return False
 
@@ -293,7 +293,7 @@ def _is_row(cells: Sequence[str], tail: Sequence[Sequence[str]], dialect: TextDi
 def _is_torn(
     cells: Sequence[str], columns: Sequence[TextColumn], above: Sequence[Sequence[str]], dialect: TextDialect
 ) -> bool:
-    """Return whether a line lacks cells of those above, has one that is none of its column, or ends in fewer digits."""
+    """Return True if a line lacks cells of those above, has one of another kind, or ends in fewer digits."""
     numbers = [place for column in columns if column.kind in ("number", "whole") for place in column.places]
     if not above or len(cells) != len(above[0]) or not all(dialect.is_value(cells[place]) for place in numbers):
         return True
@@ -357,7 +357,7 @@ def _unique(names: Sequence[str]) -> tuple[list[str], list[str]]:
 
 
 def _column(name: str, places: tuple[int, ...], cells: Sequence[tuple[int, str]], dialect: TextDialect) -> TextColumn:
-    """Return how a column is read, by some of its cells and their lines."""
+    """Return the parser of a column, inferred from some of its cells and their lines."""
     values = [(line, text) for line, cell in cells if (text := cell.strip('"')) not in _MISSING_CELLS]
     texts = [text for _, text in values]
     if texts and {text.lower() for text in texts} <= _TRUTH_CELLS:

@@ -145,7 +145,7 @@ class _Content:
         return np.squeeze(values.T if self._is_matlab else values)
 
     def _told(self, episode: str) -> dict[str, Any]:
-        """Return what attributes say, of the episode above all, then of what it is in; a simulator's own rate, too."""
+        """Return the attributes of the episode, then of its parents; a simulator's own rate, too."""
         told: dict[str, Any] = {}
         inner = episode.split("/")
         for depth in range(len(inner) + 1):
@@ -227,7 +227,7 @@ def _short(name: str) -> str:
 
 
 def in_a_row(path: Path, names: Sequence[str], begins: Sequence[float]) -> list[str]:
-    """Return what is said of episodes that stand one behind the other; they began then [s since 1970], or 0."""
+    """Return the note on concatenated episodes; they began then [s since 1970], or 0."""
     alone = f"{path}/{names[0]}"
     if all(begins) and len(set(begins)) > 1:
         dates = [datetime.fromtimestamp(began, UTC).isoformat(" ", "seconds")[:19] for began in begins]

@@ -270,7 +270,7 @@ def synchronise(
 def _scale(
     key: str, mapping: RecordingMapping, one: Candidate, nominal: Candidate, units: Units, told: Units, notes: list[str]
 ) -> Floats:
-    """Return what turns a quantity's columns into SI (n,): as the mapping states it, they tell, or q_nominal's do."""
+    """Return factors of a quantity's columns to SI (n,): of the mapping, the columns, or q_nominal."""
     quantity, n = getattr(mapping, key), len(units)
     stated, factor = factors(key, quantity, units, n)
     if key == "tau" and not quantity.scale and not mapping.name:
@@ -405,7 +405,7 @@ def _ordered_by_name(
 
 
 def _by_joint(missing: Flags, names: Sequence[str]) -> str:
-    """Return how many rows lack which joint, " (J2 4)"; empty where they lack all of them."""
+    """Return the number of missing rows by joint, " (J2 4)"; empty where they lack all of them."""
     counts = missing.sum(axis=0).tolist()
     if len(counts) != len(names) or len(set(counts)) == 1:
         return ""
@@ -491,7 +491,7 @@ def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
 
 
 def _settled(mapping: RecordingMapping, joints: dict[str, _Found], *, in_file: bool) -> dict[str, tuple[str, ...]]:
-    """Return what a mapping says itself, and no mend of a model's training data says anew."""
+    """Return the corrections that the mapping states, which a model's own do not override."""
     said = [] if mapping.assumed_units and not in_file else ["units"]
     settled = [step for step in (*said, "time_unit") if step not in mapping.unsettled]
     for key, columns in joints.items():

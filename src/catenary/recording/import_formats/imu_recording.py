@@ -116,7 +116,7 @@ def read_imu(
 
 
 def _measured(stream: Stream, name: str, rows: int) -> Flags:
-    """Return which rows measured a quantity: an Imu says by a covariance of -1 if not."""
+    """Return the rows that measured a quantity: an Imu marks others by a covariance of -1."""
     column = stream.columns.get(f"{name}_covariance[0]")
     return np.ones(rows, dtype=bool) if column is None else np.asarray(column, dtype=float) != -1.0
 
@@ -168,7 +168,7 @@ def _plain(name: str) -> str:
 
 
 def _scale(name: str, patterns: Sequence[str]) -> float:
-    """Return what a column is multiplied by to be in SI, by the unit in its name."""
+    """Return the factor of a column to SI, by the unit in its name."""
     found = _UNIT.search(name.strip())
     if found is None:
         return 1.0

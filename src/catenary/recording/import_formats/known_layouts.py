@@ -67,7 +67,7 @@ def read_psm(paths: Sequence[Path], namespace: str) -> Synchronisation:
 
 
 def layout_of_files(paths: Sequence[Path]) -> str | None:
-    """Return which known layout the files of a recording have; None for another, which needs a mapping."""
+    """Return the known layout of a recording's files; None for another, which needs a mapping."""
     if paths and all(format_of(path).holds == "messages" and path.exists() for path in paths):
         try:
             topics = {tuple(topic) for source in open_recordings(paths) for topic in source.topics}

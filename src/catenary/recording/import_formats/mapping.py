@@ -46,7 +46,7 @@ class Transform(Settings):
     quaternion_wxyz: Annotated[tuple[float, ...], Field(min_length=4, max_length=4)] = (1.0, 0.0, 0.0, 0.0)
 
     def pose(self) -> Pose:
-        """Return it in SI."""
+        """Return the pose in SI."""
         return Pose(rotation_from_quaternion(self.quaternion_wxyz), np.array(self.position_m))
 
 
@@ -168,7 +168,7 @@ class RecordingMapping(Settings):
 
     @property
     def clocks(self) -> dict[str, tuple[float, float]]:
-        """Return how far the clocks of files are ahead [s] and what they gain, by the file; "" for any other."""
+        """Return offset [s] and drift of each file's clock; "" stands for any other file."""
         parts = [(text.rpartition("=")[0], clock_of(text.rpartition("=")[2])) for text in self.clock]
         return dict(parts)
 
@@ -221,7 +221,7 @@ def mapping_of(
 
 
 def words_of(text: str | None) -> list[str]:
-    """Return what stands between commas."""
+    """Return the comma-separated words of a text."""
     return [word.strip() for word in (text or "").split(",") if word.strip()]
 
 

@@ -200,7 +200,7 @@ class OneClock:
         return Series(series.stamp, series.values[:, [column for _, column in self._where[key]]], series.report)
 
     def gap(self, key: str) -> float:
-        """Return how far apart two samples may be that are interpolated between [s]; more for a slow stream."""
+        """Return the largest distance of two samples that are interpolated between [s]; more for a slow stream."""
         return self._gap(self._series[self._where[key][0][0]])
 
     def _gap(self, series: Series) -> float:

@@ -170,7 +170,7 @@ def _asked_units(quantity: str, units: Sequence[str], why: str, draft: _Draft) -
 
 
 def _not_set_aside(found: Sequence[Candidate], draft: _Draft) -> list[Candidate]:
-    """Return what moves; of an arm at rest what is named as positions of joints, in place of others that move."""
+    """Return the moving columns; of an arm at rest those named as joint positions, in place of others that move."""
     kept = [one for one in found if one.moves]
     others = [one for one in kept if one.kind != "position" or one.role == "measured outside"]
     resting = [one for one in found if len(one.columns) > 1]  # a column alone may be anything

@@ -91,7 +91,7 @@ class TrackerRegistration:
     outliers: int
 
     def notes(self, names: Sequence[str], units: Sequence[str]) -> list[str]:
-        """Return it in words; transforms as a mapping has them."""
+        """Return the result as notes; transforms as a mapping has them."""
         found, shown = self.found, [DISPLAY[unit] for unit in units]
 
         def sizes(error: Floats) -> str:
@@ -250,7 +250,7 @@ class _Problem:
         return Estimate(base, marker, at.offsets + s[_OFFSETS:-1], at.late + float(s[-1]))
 
     def lengths(self, at: Estimate) -> Floats:
-        """Return how far each pose is from the fit, (M, 1 or 2) [m], [rad]."""
+        """Return the distance of each pose from the fit, (M, 1 or 2) [m], [rad]."""
         residual = self.compare(at)[0]
         return np.asarray(np.linalg.norm(residual.reshape(len(residual), -1, 3), axis=2))
 
@@ -419,7 +419,7 @@ class _Problem:
 
 
 def _independent(residual: Floats) -> int:
-    """Return how many stretches the poses fall into whose errors are independent, _MIN_STRETCHES to _MAX_STRETCHES."""
+    """Return the number of stretches with independent errors, _MIN_STRETCHES to _MAX_STRETCHES."""
     r = residual - residual.mean(axis=0)
     most = len(r) // (2 * _MIN_STRETCHES)
     alike = (float((r[lag:] * r[:-lag]).sum()) < 0.2 * float((r * r).sum()) for lag in range(1, most + 1))

@@ -62,7 +62,7 @@ class TopicReport:
         return max((length for _, length in self.gaps), default=0.0)
 
     def notes(self) -> list[str]:
-        """Return what a reader should know, in words."""
+        """Return notes for the user."""
         told = {
             f"{len(self.gaps)} gap(s), the longest {self.longest_gap:.3f} s": self.gaps,
             f"{self.repeated} repeated stamps were dropped": self.repeated,

@@ -397,7 +397,7 @@ class Sources:
             yield [one for one in some if one.name != base]
 
     def holding(self, streams: Sequence[Stream]) -> Self:
-        """Return it with these to be read in place of its own; what was told of its columns stays."""
+        """Return the sources with other streams; attributes of columns stay."""
         self.sha256  # noqa: B018  once for all pieces
         made = copy(self)
         made._whole, made._bags, made.notes = list(streams), [], []
@@ -437,7 +437,7 @@ def container_of(path: Path) -> tuple[Path, str]:
 
 
 def needs_mapping(path: Path) -> bool:
-    """Return whether a file, folder or episode is a recording that needs a mapping, or advice, by its format alone."""
+    """Return True if a file, folder or episode needs a mapping, or advice, by its format alone."""
     container, episode = container_of(path)
     form = format_of(container)
     return bool(episode or form.advice) or (form.holds == "columns" and not form.has_layouts)

@@ -37,7 +37,7 @@ _NAMED = re.compile(
 
 
 def per_second(unit: str) -> Fraction:
-    """Return how many of a unit are a second; of a counter such as 4000Hz its rate."""
+    """Return the number of a unit in a second; of a counter such as 4000Hz its rate."""
     found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)Hz", unit)
     count = Fraction(found[1]) if found else _PER_SECOND.get(unit)
     if not count:
@@ -220,7 +220,7 @@ def time_columns(stream: Stream) -> list[str]:
 
 
 def is_nameless(stream: Stream) -> bool:
-    """Return whether all columns of a table but the time are those of one array: a .npy, or a text without names."""
+    """Return True if all columns but time are those of one array: a .npy, or a text without names."""
     names = [name for name in stream.columns if not _NAMED.match(name)]
     found = [re.fullmatch(r"([^\[]+)\[\d+\]", name) for name in names]
     return all(found) and len({one[1] for one in found if one}) == 1

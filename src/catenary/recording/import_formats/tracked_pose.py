@@ -49,7 +49,7 @@ _MARKER = "the tracked marker"  # a frame of the robot
 
 
 def pose_places(tracked: TrackedPose, streams: Sequence[Stream]) -> list[Place]:
-    """Return where the numbers of a pose are: x, y, z, and what tells the orientation where there is one."""
+    """Return the columns of a pose: x, y, z, and orientation if any."""
     count = len(tracked.columns)
     if count in (3, 6, 7):
         quaternion = tracked.orientation in ("xyzw", "wxyz")
@@ -269,7 +269,7 @@ def tip_columns(streams: Sequence[Stream], base: str) -> tuple[str, tuple[str, .
 
 
 def tip_said(model: RobotModel, q: Floats, joints: Stream, own: Stream, columns: Sequence[str]) -> list[str]:
-    """Say how far the tip of `model` at joints q (M, n) lies from where the robot says that it is, if that is far."""
+    """Return a note if the tip of `model` at joints q (M, n) lies far from the robot's own report."""
     from scipy.spatial.transform import Rotation
 
     values = np.column_stack([own.columns[column] for column in columns])

@@ -70,7 +70,7 @@ class FileClock:
         return origin + np.rint(since / (1.0 + self.fast)).astype(np.int64)
 
     def __str__(self) -> str:
-        """Say it, with its intervals."""
+        """Return the clock as text, with its intervals."""
         said = f"its clock is {self.ahead:+.4f} s ahead of q_nominal's and gains {1e6 * self.fast:+.1f} ppm"
         if self.delay is None:
             return f"{said}, as given"
@@ -108,7 +108,7 @@ def clock_by_motion(base: Series, other: Series, units: tuple[str, ...], where: 
 
 
 def _is_close(rival: FileClock, best: FileClock) -> bool:
-    """Return whether a clock some periods off leaves as little of the positions as the best one does."""
+    """Return True if a clock some periods off leaves as little of the positions as the best one."""
     if abs(rival.ahead - best.ahead) < _RIVAL_S:
         return False
     return best.delay is None or rival.delay is None or rival.delay.cost < best.delay.cost + _CLOSE
@@ -176,7 +176,7 @@ def _by_speeds(base: Series, other: Series, where: str) -> list[FileClock]:
 
 
 def _near(seconds: float) -> float:
-    """Return how far apart one clock's offsets may be [s] so long after one another."""
+    """Return the largest change of one clock's offset [s] over this time."""
     return _MAX_DRIFT * abs(seconds) + 0.5
 
 
@@ -216,5 +216,5 @@ def _best_lags(a: Floats, known: Floats, b: Floats, seen: Floats) -> tuple[Integ
 
 
 def _is_far(lags: Integers, others: Integers) -> Flags:
-    """Return which lags are rivals of all others."""
+    """Return flags of lags that are rivals of all others."""
     return np.asarray((np.abs(lags[:, None] - others) * _STEP_S > _RIVAL_S).all(axis=1))
