@@ -33,7 +33,7 @@ def find_cables(recordings: Recordings, options: FitOptions, *, held_out: float 
         moving = {name for name, _ in rows.signals.play}
         joints = [j for j, name in enumerate(rows.joint_names) if f"q:{name}" in moving]
         found = [_Search(rows, j, joints).found() for j in joints]
-    return FoundCables(sum((each.paths for each in found), ()), sum((each.slacks for each in found), ()))
+    return FoundCables(sum((cables.paths for cables in found), ()), sum((cables.slacks for cables in found), ()))
 
 
 class _Search:

@@ -228,7 +228,7 @@ def fit(
         FileFormatError: A recording is missing or damaged.
     """
     logs = _logs(q_nominal, joint_names, units, q_encoder, **arrays)
-    shares, limits = (None if each is None else tuple(each) for each in (play, max_error))
+    shares, limits = (None if values is None else tuple(values) for values in (play, max_error))
     pair = None if coupled is None else tuple(coupled)
     kind, estimator = chosen(model)
     options = FitOptions(kind, preset, inputs, shares, target, ridge, seed, pair, estimator=estimator)
@@ -321,7 +321,7 @@ def refresh(
 
 
 def _with_card(model: CalibrationModel, card: Card) -> Calibration:
-    return Calibration(**{each.name: getattr(model, each.name) for each in fields(CalibrationModel)}, card=card)
+    return Calibration(**{field.name: getattr(model, field.name) for field in fields(CalibrationModel)}, card=card)
 
 
 def _logs(
@@ -337,13 +337,13 @@ def _logs(
     """Return recordings as logs; arrays become one."""
     quantities = {"q_encoder": q_encoder, "tau": tau, "qd": qd, "time": time}
     recordings = [motion] if isinstance(motion, Recording) else motion
-    if isinstance(recordings, Sequence) and recordings and all(isinstance(each, Recording) for each in recordings):
+    if isinstance(recordings, Sequence) and recordings and all(isinstance(item, Recording) for item in recordings):
         given = [name for name, values in quantities.items() if values is not None]
         if given:
             raise InputError(f"{', '.join(given)}: recordings have their own; expected arrays with arrays only")
         return [
-            each if isinstance(each, MotionLog) else read_log(each, units=units, joint_names=joint_names)
-            for each in recordings
+            item if isinstance(item, MotionLog) else read_log(item, units=units, joint_names=joint_names)
+            for item in recordings
         ]
     q = as_array("q_nominal", motion, (None, None))  # type: ignore[arg-type]  # no recordings: an array
     if units is None:

@@ -141,7 +141,7 @@ def sizes_of(model: CalibrationModel, joint: int) -> dict[str, float | None]:
 
 def clock_delay(card: Card) -> float | None:
     """Return the delay of the recordings that a model was fitted to, as they were recorded [s]; None where unknown."""
-    left = [each["seconds"] for each in card.get("delays", ()) if each.get("unit") == "s"]
+    left = [delay["seconds"] for delay in card.get("delays", ()) if delay.get("unit") == "s"]
     mended = sum(map(float, card.get("mends", {}).get("delay", ())))
     return mended + sorted(left)[len(left) // 2] if left else mended or None
 

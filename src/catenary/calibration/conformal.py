@@ -77,7 +77,7 @@ class Unseen(NamedTuple):
 
     def in_intervals(self, intervals: Intervals) -> Intervals:
         """Return intervals that hold it, too."""
-        inside, outside = (np.hypot(each, self.within) for each in (intervals.inside, intervals.outside))
+        inside, outside = (np.hypot(width, self.within) for width in (intervals.inside, intervals.outside))
         return replace(intervals, inside=inside, outside=outside)
 
 

@@ -80,7 +80,7 @@ class Corrector:
     def _require_shapes(
         self, q: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None
     ) -> None:
-        found = tuple(np.shape(each) for each in (q, signals, out, inside, interval) if each is not None)
+        found = tuple(np.shape(array) for array in (q, signals, out, inside, interval) if array is not None)
         names = ("q_nominal", "signals", "out", "inside", "interval")
         if found != (*self._shapes, out.shape)[: len(found)]:
             expected = ", ".join(map("{} {}".format, names, (*self._shapes, self._shapes[2])))

@@ -160,7 +160,7 @@ def _usable_rows(
         beyond={n: int(k) for n, k in zip(log.joint_names, far.sum(axis=0), strict=True) if k},
     )
     time = log.time[index] if has_time and log.time is not None else index.astype(np.float64)
-    return tuple(each[ok & inside] for each in (X, q, error, leaping, index / len(log), time)), source
+    return tuple(column[ok & inside] for column in (X, q, error, leaping, index / len(log), time)), source
 
 
 def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
@@ -175,7 +175,9 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
         count = sum(len(log) for log in logs)
         notes.append(f"of {count:,} rows one in {data.every} is learnt from; memory follows them all")
     for source in data.sources:
-        beyond, leaps = (", ".join(map("{0[0]} {0[1]}".format, each.items())) for each in (source.beyond, source.leaps))
+        beyond, leaps = (
+            ", ".join(map("{0[0]} {0[1]}".format, counts.items())) for counts in (source.beyond, source.leaps)
+        )
         beyond = f"beyond the error limit ({beyond})"
         left_out = {"without measurement": source.without_truth, beyond: source.dropped}
         if text := ", ".join(f"{count} {why}" for why, count in left_out.items() if count):

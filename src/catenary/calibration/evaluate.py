@@ -75,7 +75,7 @@ class Evaluation(OnScreen):
     def windows(self) -> tuple[Window, ...]:
         """Errors over windows of time, recording after recording."""
         scale = np.array([DISPLAY[unit][1] for unit in self.data.joint_units])
-        errors = tuple(scale * each for each in (self.raw, self.after_offset, self.after_model))
+        errors = tuple(scale * array for array in (self.raw, self.after_offset, self.after_model))
         return tuple(_windows(self.data, errors, self.window))
 
     @property
@@ -146,9 +146,9 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     corrected = data.error - correction
     errors = (data.error, data.error - model.offset, corrected)
     scale = np.array([DISPLAY[unit][1] for unit in model.joint_units])
-    shown = tuple(scale * each for each in errors)
-    rmse = np.array([_rmse_per_joint(each) for each in shown])
-    largest = np.array([np.abs(each).max(axis=0) for each in shown])
+    shown = tuple(scale * array for array in errors)
+    rmse = np.array([_rmse_per_joint(array) for array in shown])
+    largest = np.array([np.abs(array).max(axis=0) for array in shown])
     percent = 100.0 * np.divide(rmse[2], rmse[1], where=rmse[1] > 0.0, out=np.full(len(scale), np.nan))
     coverage = np.where(model.intervals is None, np.nan, np.mean(np.abs(corrected) <= interval, axis=0))
     half_width = scale * np.median(interval, axis=0)
@@ -294,7 +294,7 @@ def _windows(data: CalibrationData, errors: tuple[Floats, ...], window: float | 
         index = np.minimum(index, max(0, math.ceil(duration / length - 1e-9) - 1))
         for k in np.unique(index):
             part = rows[index == k]
-            rmse = (_rmse_per_joint(each[part]) for each in errors)
+            rmse = (_rmse_per_joint(array[part]) for array in errors)
             windows.append(Window(name, start + k * length, start + (k + 1) * length, len(part), *rmse))
     return windows
 

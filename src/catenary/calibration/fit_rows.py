@@ -50,16 +50,16 @@ def choose_inputs(recordings: Recordings, options: FitOptions, *, held_out: floa
     friction = None if options.friction is None else options.friction.states
     cables = FoundCables() if options.cables is None else options.cables
     paths = [path for path in cables.paths if {*path[1:3]} <= {*signals}]
-    early = [each.part(0, max(1, round((1.0 - held_out) * len(each)))) for each in recordings.logs]
+    early = [log.part(0, max(1, round((1.0 - held_out) * len(log)))) for log in recordings.logs]
     play: list[tuple[str, float]] = []
     steps: list[tuple[str, float]] = []
     own = [(name, name, name, 0.0) for joint in log.joint_names for name in [f"q:{joint}"] if name in signals]
     for along, *names, factor in [*own, *paths] if options.shares else []:
         first, second = (log.joint_names.index(str(name).removeprefix("q:")) for name in names)
         motions: list[tuple[Floats, Floats]] = []
-        for each in early:
-            rows = each.q_nominal[:, first] + factor * each.q_nominal[:, second], room_of(each, period)
-            motions += zip(*(np.split(x, each.starts[1:]) for x in rows), strict=True)
+        for log in early:
+            rows = log.q_nominal[:, first] + factor * log.q_nominal[:, second], room_of(log, period)
+            motions += zip(*(np.split(x, log.starts[1:]) for x in rows), strict=True)
         if (span := float(np.ptp(np.concatenate([q for q, _ in motions])))) > 0.0:
             step = largest_step(motions)
             play += [(along, share * span) for share in options.shares]

@@ -124,7 +124,7 @@ def _best_pair(rows: SearchedRows) -> tuple[int, ...]:
         if not _move_together(rows, joints):
             continue
         errors_of = _Errors(rows, joints)
-        before = min(np.log(each).mean() for each in (errors_of.of_play, errors_of(_friction(_start(2, 0.0), 2))))
+        before = min(np.log(errors).mean() for errors in (errors_of.of_play, errors_of(_friction(_start(2, 0.0), 2))))
         for coupling in (_START_COUPLING, -_START_COUPLING):
             gain = before - np.log(errors_of(_friction(_start(2, coupling), 2))).mean()
             if gain > best:

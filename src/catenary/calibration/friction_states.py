@@ -43,8 +43,8 @@ class FrictionStates:
     @staticmethod
     def of(positions: tuple[str, ...], friction: CoupledFriction) -> "FrictionStates":
         """Return the friction states of positions."""
-        longest, *matrices = (each.tolist() for each in friction)
-        return FrictionStates(positions, tuple(longest), *(tuple(map(tuple, each)) for each in matrices))
+        longest, *matrices = (array.tolist() for array in friction)
+        return FrictionStates(positions, tuple(longest), *(tuple(map(tuple, matrix)) for matrix in matrices))
 
     @property
     def constants(self) -> CoupledFriction:

@@ -71,7 +71,7 @@ def terms_of(X: Floats, features: FeatureSet, columns: Integers) -> Terms:
         ladder = [i for i, width in enumerate(widths) if width is not None and joints[i] == joints[k]]
         pairs += [(play, other) for play in ladder[2:-2:_EVERY] for other in (k, *own)]
         pairs += [(position, load) for position in positions for load in own]
-    indices = (np.array(each, dtype=np.int64) for each in (positions, angles, loads, np.reshape(pairs, (-1, 2))))
+    indices = (np.array(group, dtype=np.int64) for group in (positions, angles, loads, np.reshape(pairs, (-1, 2))))
     return Terms(middle, scale, limit, *indices)
 
 

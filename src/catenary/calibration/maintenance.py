@@ -87,7 +87,7 @@ def trained_positions(model: CalibrationModel) -> tuple[Floats, Floats]:
     """Return least and largest trained positions, margins included, (n,) [rad|m]; infinite where none is watched."""
     ranges, anywhere = valid_inputs(model), {"lower": -np.inf, "upper": np.inf}
     held = [ranges.get(f"q:{joint}", anywhere) for joint in model.joint_names]
-    return np.array([each["lower"] for each in held]), np.array([each["upper"] for each in held])
+    return np.array([joint["lower"] for joint in held]), np.array([joint["upper"] for joint in held])
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from catenary.robots.plausible import MAX_LENGTH_M, check_different, check_names
 
 _log = logging.getLogger(__name__)
 _FORMAT, _BEFORE = "catenary.calibration.6", "catenary.calibration.5"
-_FIELD_NAMES = tuple(each.name for each in fields(CalibrationModel))
+_FIELD_NAMES = tuple(field.name for field in fields(CalibrationModel))
 
 
 def save_model(model: CalibrationModel, card: Card, path: Path) -> None:

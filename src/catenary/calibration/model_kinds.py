@@ -129,6 +129,6 @@ def kind_of(name: str, preset: str | None = None) -> ModelKind:
         raise InputError(f'model "{name}": expected one of {", ".join(MODEL_KINDS)}{why}')
     kind = MODEL_KINDS[name]
     if preset not in (None, kind.preset):
-        presets = [f"{each.preset} of {each.name}" for each in _KINDS if each.preset is not None]
+        presets = [f"{kind.preset} of {kind.name}" for kind in _KINDS if kind.preset is not None]
         raise InputError(f'preset "{preset}" of model "{name}": there is {", ".join(presets)} alone')
     return kind

@@ -119,7 +119,7 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, recordings: Re
             notes.append(f"no intervals any more: {len(data)} new rows are too few to say whether they hold")
     before = data.error - old
     scale, promise = np.array([DISPLAY[unit][1] for unit in model.joint_units]), rmse_of_other_minutes(left, block)
-    of_errors = (np.sqrt(np.mean(np.square(each), axis=0)) for each in (before, left))
+    of_errors = (np.sqrt(np.mean(np.square(errors), axis=0)) for errors in (before, left))
     numbers = (scale * np.array([change.mean(axis=0), *of_errors, *promise])).T.tolist()
     changes = tuple(
         JointChange(name, DISPLAY[unit][0], how[j] or UNCHANGED, *numbers[j])
@@ -240,7 +240,7 @@ def _at_its_level(day: _Day, recordings: Recordings, block: Integers, seen: list
 
 def trained_range(model: CalibrationModel, joint: int) -> tuple[float, float]:
     """Return mean and range of a joint's positions in training; zeros where the model asks nothing of them."""
-    name, group = f"q:{model.joint_names[joint]}", next(each for each in model.groups if joint in each.joints)
+    name, group = f"q:{model.joint_names[joint]}", next(other for other in model.groups if joint in other.joints)
     watched, known = [model.features.names[c] for c in group.watched], group.valid_range
     if name not in watched:
         return 0.0, 0.0

@@ -86,8 +86,8 @@ class Adam:
 
     def __init__(self, parameters: Sequence[Singles]) -> None:
         """Begin with moments of zero for parameters of these shapes."""
-        self._means = [np.zeros(each.size, np.float32) for each in parameters]
-        self._squares = [np.zeros(each.size, np.float32) for each in parameters]
+        self._means = [np.zeros(parameter.size, np.float32) for parameter in parameters]
+        self._squares = [np.zeros(parameter.size, np.float32) for parameter in parameters]
         self._steps = 0
 
     def step(self, parameters: Sequence[Singles], gradient: Sequence[Singles], learning_rate: float) -> None:
@@ -208,5 +208,5 @@ def _train(X: Floats, Y: Floats, settings: NetworkSettings, seed: int, progress:
                 network.gradient(Z[rows], wanted[rows], settings.l2, settings.penalties), settings.learning_rate
             )
         progress((epoch + 1) / settings.epochs)
-    weights, biases = (tuple(each.astype(np.float64) for each in some) for some in (network.weights, network.biases))
+    weights, biases = (tuple(layer.astype(np.float64) for layer in some) for some in (network.weights, network.biases))
     return Network(mean, scale, weights, biases, "logistic", out_mean, out_scale)

@@ -80,7 +80,7 @@ def fit_own(X: Floats, Y: Floats, *, estimator: Any, seed: int) -> OwnFunction:
     is_tagged = outputs > 1 and hasattr(estimator, "__sklearn_tags__")
     targets = [wanted] if is_tagged and get_tags(estimator).target_tags.multi_output else wanted.T
     with threadpool_limits(limits=1):
-        fitted = tuple(_fitted(estimator, seed, Z, np.ascontiguousarray(each)) for each in targets)
+        fitted = tuple(_fitted(estimator, seed, Z, np.ascontiguousarray(target)) for target in targets)
     return OwnFunction(name_of(estimator), mean, scale, out_mean, out_scale, fitted)
 
 
@@ -119,13 +119,13 @@ def unpacked(model: CalibrationModel, own: Named | Sequence[Named] | None) -> Ca
     if own is None:
         return model
     several = own.split(",") if isinstance(own, str) else own if isinstance(own, Sequence) else [own]
-    classes = [named(each) for each in several]
+    classes = [named(item) for item in several]
 
     def read(predictor: OwnFunction) -> OwnFunction:
-        main = next((each for each in classes if name_of(each) == predictor.name), None)
+        main = next((item for item in classes if name_of(item) == predictor.name), None)
         if main is None:
             raise InputError(f"model of {predictor.name}: is not loaded as {', '.join(map(name_of, classes))}")
-        return replace(predictor, fitted=tuple(_unpacked(each.tobytes(), main, classes) for each in predictor.fitted))
+        return replace(predictor, fitted=tuple(_unpacked(part.tobytes(), main, classes) for part in predictor.fitted))
 
     return _with_each(model, read)
 
@@ -171,8 +171,8 @@ def _unpacked(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
         if sum(member.file_size for member in archive.infolist()) > max(MAX_UNPACKED_BYTES, len(content)):
             raise ValueError(f"would unpack to more than {MAX_UNPACKED_BYTES} bytes")
         unknown = list(map(str, skops.get_untrusted_types(data=content)))
-    packages = {each.__module__.partition(".")[0] for each in classes}
-    if others := [each for each in unknown if not _is_class_of(packages, each)]:
+    packages = {item.__module__.partition(".")[0] for item in classes}
+    if others := [item for item in unknown if not _is_class_of(packages, item)]:
         raise InputError(f"model of {name_of(main)}: holds {', '.join(others)} too: name them beside it")
     with reading(what, "skops writes it", (*UNREADABLE, ImportError)):
         found = skops.loads(content, trusted=unknown)

@@ -171,7 +171,7 @@ class OwnFunction(Predictor):
         return len(self.mean), len(self.out_mean)
 
     def steps(self, X: Floats, Y: Floats, beyond: Floats | None = None) -> list[Step]:  # noqa: D102
-        if any(isinstance(each, np.ndarray) for each in self.fitted):
+        if any(isinstance(part, np.ndarray) for part in self.fitted):
             module, _, name = self.name.partition(":")
             raise InputError(
                 f"model of {self.name}: it runs only where its class is named: from {module} import {name}; "
@@ -186,10 +186,10 @@ class OwnFunction(Predictor):
         if not known.any():
             return
         Z = (X[known] - self.mean) / self.scale
-        found = [np.asarray(getattr(each, "predict", each)(Z), dtype=float) for each in self.fitted]
-        columns = [each.reshape(len(Z), -1) for each in found if each.shape[:1] == (len(Z),)]
-        if sum(each.shape[1] for each in columns) != Y.shape[1]:
-            shapes = ", ".join(str(each.shape) for each in found)
+        found = [np.asarray(getattr(part, "predict", part)(Z), dtype=float) for part in self.fitted]
+        columns = [values.reshape(len(Z), -1) for values in found if values.shape[:1] == (len(Z),)]
+        if sum(values.shape[1] for values in columns) != Y.shape[1]:
+            shapes = ", ".join(str(values.shape) for values in found)
             raise InputError(f"model of {self.name}: expected {Y.shape[1]} outputs of {len(Z)} rows, got {shapes}")
         Y[known] = np.hstack(columns) * self.out_scale + self.out_mean
 

@@ -75,7 +75,7 @@ def fit_valid_range(X: Floats, margin: float, *, along_axes: float | None = None
     axis_lower, axis_upper = projection.min(axis=0), projection.max(axis=0)
     axis_margin = along_axes * (axis_upper - axis_lower) + MIN_RANGE
     box, along = (lower - box_margin, upper + box_margin), (axis_lower - axis_margin, axis_upper + axis_margin)
-    seen, axes_seen = (1.0 / (1.0 + 2.0 * each) for each in (margin, along_axes))
+    seen, axes_seen = (1.0 / (1.0 + 2.0 * width) for width in (margin, along_axes))
     return ValidRange(*box, mean, axes, *along, seen=seen, axes_seen=axes_seen)
 
 

@@ -201,7 +201,7 @@ class MomentumObserver:
     def follow(self, state: JointState, gravity: ArrayLike) -> float:
         """Update by a robot's state; return the time since the last one [s], 0 where none passed or a number lacks."""
         elapsed, self._time = state.time - self._time, state.time
-        if not (elapsed > 0.0 and all(np.isfinite(each).all() for each in (state.q, state.qd, state.tau))):
+        if not (elapsed > 0.0 and all(np.isfinite(array).all() for array in (state.q, state.qd, state.tau))):
             return 0.0
         self.update(state.q, state.qd, state.tau, gravity, elapsed)
         return elapsed

@@ -218,7 +218,7 @@ class FilesInARow(Source):
         """Take in what the files say of their topics."""
         super().__init__(path)
         self.parts = parts
-        for number, connection in enumerate(each for part in parts for each in part.connections.values()):
+        for number, connection in enumerate(entry for part in parts for entry in part.connections.values()):
             self._keep(number, connection)
         self.encoding = parts[0].encoding if parts else "ros1"
         self.about = next((part.about for part in parts if part.about is not None), None)
@@ -343,7 +343,7 @@ class BagFolder(FilesInARow):
             none = f"{path}: has no file of a bag; it holds {inside}, expected {', '.join(_PARTS)}"
             raise FileFormatError("; ".join(damage) or none)
         super().__init__(path, sorted(parts, key=_start))
-        self.damage, self.warnings = [*damage, *(each for part in self.parts for each in part.damage)], warnings
+        self.damage, self.warnings = [*damage, *(text for part in self.parts for text in part.damage)], warnings
         self.counts = Counter[str]()
         for part in self.parts:
             self.counts.update(part.counts)

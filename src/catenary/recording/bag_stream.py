@@ -95,7 +95,7 @@ class Source:
     def topics(self) -> tuple[JournalTopic, ...]:
         """Its topics, but for what it is of."""
         types = {name: current_name(each.type) for name, each in self.connections.items() if name != ABOUT_TOPIC}
-        return tuple(JournalTopic(*each) for each in types.items())
+        return tuple(JournalTopic(*item) for item in types.items())
 
     @property
     def problems(self) -> list[str]:

@@ -139,7 +139,7 @@ class _Chunk:
         indices, offsets = b"", b""
         for channel, places in self.places.items():
             offsets += Struct("<HQ").pack(channel, at + len(chunk) + len(indices))
-            pairs = b"".join(_TIMES.pack(*each) for each in places)
+            pairs = b"".join(_TIMES.pack(*place) for place in places)
             indices += _record(_MESSAGE_INDEX, channel.to_bytes(2, "little"), _U32.pack(len(pairs)), pairs)
         span, ends = Struct("<QQQQ").pack(first, last, at, len(chunk)), _text("") + _TIMES.pack(size, size)
         index = _U32.pack(len(offsets)), offsets, len(indices).to_bytes(8, "little")

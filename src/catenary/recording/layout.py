@@ -174,7 +174,7 @@ def fields_by_definition(where: str, kind: str, definition: str, encoding: Encod
         if ros2_name(name) not in types:
             raise FileFormatError(f"{where}: {cut(name)}, which is in it, is not defined")
         own = fields_of(types[ros2_name(name)][1])
-        return tuple(each._replace(type=_SAME.get(each.type, current_name(each.type))) for each in own)
+        return tuple(field._replace(type=_SAME.get(field.type, current_name(field.type))) for field in own)
 
     return fields_in
 

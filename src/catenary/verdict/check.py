@@ -105,13 +105,17 @@ def judged(
         changed = (
             {step for step in _TIMING_STEPS if getattr(mend, step) != getattr(begun, step)} if mend != begun else None
         )
-        late = [] if changed is None or changed else [each for each in seen if each.name in ("clock", "delay", "lag")]
+        late = (
+            []
+            if changed is None or changed
+            else [finding for finding in seen if finding.name in ("clock", "delay", "lag")]
+        )
         late_of = partial(_late, delays, mend) if changed is None or changed else None
         seen = [*_together(mended, robot, trained, late_of, changed), *late]
         found += _as_if(mend, begun, seen, found)
         more = mend
-        for each in seen:
-            more = (more.and_then(each.remedy) if each.refuses else None) or more
+        for finding in seen:
+            more = (more.and_then(finding.remedy) if finding.refuses else None) or more
         try:
             if more == mend or not more(log).ok.any():
                 break
@@ -120,24 +124,24 @@ def judged(
         mend = more
     if (pairs := pairs_of(mended)) is not None:  # what is wrong everywhere is far from the rest somewhere
         single = *outlier_findings(mended), *coarse_findings(pairs), *filled_findings(mended), *missing_findings(mended)
-        wrong = {joint for each in seen if each.refuses for joint in each.joints}
-        found += _as_if(mend, begun, (each for each in single if wrong.isdisjoint(each.joints)), found)
+        wrong = {joint for finding in seen if finding.refuses for joint in finding.joints}
+        found += _as_if(mend, begun, (finding for finding in single if wrong.isdisjoint(finding.joints)), found)
     found += [each for _, each in repeated_findings([mended])] * alone
-    left = [each.name for each in seen if each.refuses and not each.remedy.startswith(MAX_ERROR_OPTION)]
+    left = [finding.name for finding in seen if finding.refuses and not finding.remedy.startswith(MAX_ERROR_OPTION)]
     found.sort(key=lambda each: each.severity)
     return Judged(tuple(found), mend, mended, list(dict.fromkeys(left)))
 
 
 def _as_if(mend: Mend, begun: Mend, seen: Iterable[Finding], known: Sequence[Finding]) -> list[Finding]:
     """Return findings that are not known, and say as if by which mend they were seen; none that the mend makes."""
-    told = {(each.name, joint) for each in known for joint in each.joints or ("",)}
-    anew = [each for each in seen if told.isdisjoint((each.name, joint) for joint in each.joints or ("",))]
+    told = {(finding.name, joint) for finding in known for joint in finding.joints or ("",)}
+    anew = [finding for finding in seen if told.isdisjoint((finding.name, joint) for joint in finding.joints or ("",))]
     if mend == begun:
         return anew
     made = {*(name for name, kind in FINDINGS.items() if kind.learning), *(("missing",) if mend.leave_out else ())}
     shown = f" (seen as if mended by {' '.join(mend.options)})"
-    anew = [each for each in anew if each.name not in made and (each.refuses or each.name != "delay")]
-    return [replace(each, says=each.says + shown) for each in anew]
+    anew = [finding for finding in anew if finding.name not in made and (finding.refuses or finding.name != "delay")]
+    return [replace(finding, says=finding.says + shown) for finding in anew]
 
 
 def _late(delays: KnownDelays, mend: Mend, pairs: Pairs, place: Integers) -> list[Finding]:
@@ -164,9 +168,9 @@ def _together(
     findings = [*extent_findings(log), *stamp_findings(log, in_si=not ranges), *far, *ranges, *tiny_findings(log)]
     pairs = pairs_of(log)
     if pairs is not None:
-        wrong = {joint for each in findings if each.refuses for joint in each.joints}
+        wrong = {joint for finding in findings if finding.refuses for joint in finding.joints}
         findings += _relation(pairs, wrong, late_of, changed)
-        delay = next((each.delay for each in findings if each.delay is not None), None)
+        delay = next((finding.delay for finding in findings if finding.delay is not None), None)
         findings += [*arrival_findings(log, delay), *zero_findings(log)]
     return findings
 
@@ -186,17 +190,20 @@ def _relation(
     late = [] if late_of is None else late_of(moving, place)
     swapped, single = correspondence_findings(pairs, place)
     if swapped or single:  # sums of joints, and columns of others, lie unlike times behind
-        late = [each for each in late if not each.joints]
+        late = [finding for finding in late if not finding.joints]
     in_step = changed is not None and not {"clock", "delay", "shift"}.isdisjoint(changed)
-    if not in_step and any(each.refuses and each.name == "delay" for each in late):
+    if not in_step and any(finding.refuses and finding.name == "delay" for finding in late):
         return [*swapped, *turns, *late]  # rows out of step follow nothing, and their slopes mean nothing
     # slopes and leaps of columns of another scale, or of another joint, mean nothing either
-    parted = {joint for each in single if each.refuses and each.name == "mixed" for joint in each.joints}
-    first = [*single, *(each for each in slope_findings(pairs, place) if parted.isdisjoint(each.joints))]
-    wrong = {*wrong, *(joint for each in first for joint in each.joints)}
-    others = [each for each in (*still, *leap_findings(pairs, place)) if not set(wrong) & set(each.joints)]
-    turned, shown = {joint for each in turns for joint in each.joints}, " (seen as if brought into one turn)"
-    others = [replace(each, says=each.says + shown * bool(turned & set(each.joints))) for each in (*first, *others)]
+    parted = {joint for finding in single if finding.refuses and finding.name == "mixed" for joint in finding.joints}
+    first = [*single, *(finding for finding in slope_findings(pairs, place) if parted.isdisjoint(finding.joints))]
+    wrong = {*wrong, *(joint for finding in first for joint in finding.joints)}
+    others = [finding for finding in (*still, *leap_findings(pairs, place)) if not set(wrong) & set(finding.joints)]
+    turned, shown = {joint for finding in turns for joint in finding.joints}, " (seen as if brought into one turn)"
+    others = [
+        replace(finding, says=finding.says + shown * bool(turned & set(finding.joints)))
+        for finding in (*first, *others)
+    ]
     return [*swapped, *turns, *late, *others]
 
 
@@ -251,7 +258,7 @@ def verdict(
     how: dict[str, Any] = {"robot": robot, "max_error": max_error, "trained": trained, "alone": False}
     known = [KnownDelays() for _ in logs] if delays is None else delays
     own = of_each(lambda each, _: judged(each[0], delays=each[1], **how).findings, [*zip(logs, known, strict=True)])
-    found = [(log.name, each) for log, findings in zip(logs, own, strict=True) for each in findings]
+    found = [(log.name, finding) for log, findings in zip(logs, own, strict=True) for finding in findings]
     if testing:
         found = [(name, each) for name, each in found if not FINDINGS[each.name].learning]
     else:

@@ -79,7 +79,9 @@ def _cycles_of(permutation: Integers) -> list[list[int]]:
 def correspondence_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding], list[Finding]]:
     """Find swapped joints; and copies, sums, flipped signs, and measurements that follow nothing."""
     findings = [*_copied(pairs), *_mixed(pairs, place)]
-    explained = [name in {joint for each in findings if each.remedy for joint in each.joints} for name in pairs.names]
+    explained = [
+        name in {joint for finding in findings if finding.remedy for joint in finding.joints} for name in pairs.names
+    ]
     for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving & ~np.array(explained)).tolist():
         r, name = float(pairs.correlation[i, place[i]]), pairs.names[i]
         spread, of_command = float(pairs.m[:, i].std()), float(pairs.q[:, place[i]].std())
@@ -173,7 +175,7 @@ def _couple(matrix: Floats, names: Sequence[str]) -> str:
 
 def _swaps(pairs: Pairs, place: Integers) -> Iterator[Finding]:
     names, r = pairs.names, pairs.correlation
-    for cycle in (each for each in _cycles_of(place) if len(each) > 1):
+    for cycle in (loop for loop in _cycles_of(place) if len(loop) > 1):
         says = ", ".join(
             f"measured {names[i]} follows the command of {names[place[i]]} (correlation {r[i, place[i]]:.2f}, "
             f"{r[i, i]:.2f} with its own)"

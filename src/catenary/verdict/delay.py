@@ -79,7 +79,7 @@ class Delay:
     @property
     def rate(self) -> tuple[float, float, float]:
         """By how much it grows in a second, and its interval; 1e-6 for one ppm."""
-        change, low, high = (each / max(self.span, 1e-9) for each in self.change)
+        change, low, high = (value / max(self.span, 1e-9) for value in self.change)
         return change, low, high
 
     @property
@@ -103,7 +103,7 @@ class Delay:
     def _single(self) -> str:
         """Return the sentence on delays of one joint alone that the recording leaves open."""
         most = _UNTOLD[self.unit]
-        wide = [each for each in self.alone if each[2] - each[1] > SHARP[self.unit]]
+        wide = [joint for joint in self.alone if joint[2] - joint[1] > SHARP[self.unit]]
         told = [f"{joint} {low:+.2f} to {high:+.2f}" for joint, low, high in wide if high - low <= most]
         untold = [joint for joint, low, high in self.alone if high - low > most]
         alone = f"; of one joint alone, {', '.join(told)} {self.unit}" if told else ""
@@ -160,7 +160,7 @@ def delay_of(
     total = costs[:, :, 0].sum(axis=0)
     best = int(np.argmin(total))
     turns = [reversals_of(q[inside, places[i]]) for i in joints]
-    worth, *own_worth = (min(LOOKS, each) + 1e-9 for each in (float(np.mean(turns)), *turns))
+    worth, *own_worth = (min(LOOKS, count) + 1e-9 for count in (float(np.mean(turns)), *turns))
     low, high = _interval(grid, total, CERTAIN_SIGMAS**2 / worth)
     alone = []
     for i, cost, each in zip(joints, costs[:, :, 0], own_worth, strict=True):
@@ -283,11 +283,11 @@ class _JointLook:
 
 def _scan(looks: Sequence[_JointLook], coarse: Floats, step: float) -> tuple[Floats, Floats]:
     """Return delays, dense about the best, and costs there (joints, delays, 1 + _BLOCKS): steps, .1 and .01 of one."""
-    grids, costs = [coarse], [np.stack([each.costs(coarse) for each in looks])]
+    grids, costs = [coarse], [np.stack([look.costs(coarse) for look in looks])]
     for reach, fine in ((12, 10), (9, 100)):
         best = grids[-1][int(np.argmin(costs[-1][:, :, 0].sum(axis=0)))]
         grids.append(best + np.arange(-reach, reach + 1) * step / fine)
-        costs.append(np.stack([each.costs(grids[-1]) for each in looks]))
+        costs.append(np.stack([look.costs(grids[-1]) for look in looks]))
     grid, order = np.unique(np.concatenate(grids[::-1]), return_index=True)
     return grid, np.concatenate(costs[::-1], axis=1)[:, order]
 

@@ -102,10 +102,10 @@ def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = (),
         DataError: A finding is not accepted.
     """
     require_names(accept)
-    refused = [(where, each) for where, each in findings if each.refuses and each.name not in accept]
+    refused = [(where, finding) for where, finding in findings if finding.refuses and finding.name not in accept]
     if refused:
-        names = sorted({each.name for _, each in refused})
-        lines = [f'recording "{where}": {each}' for where, each in refused]
+        names = sorted({finding.name for _, finding in refused})
+        lines = [f'recording "{where}": {finding}' for where, finding in refused]
         go_on = " ".join(f"--accept {name}" for name in names)
         raise DataError("\n".join([*lines, f"nothing was {done}; to continue anyway: {go_on}"]), names)
-    return [f"{where}: {'accepted ' + each.name + ': ' if each.refuses else ''}{each}" for where, each in findings]
+    return [f"{where}: {'accepted ' + finding.name + ': ' if finding.refuses else ''}{finding}" for where, finding in findings]

@@ -104,7 +104,7 @@ def leap_findings(pairs: Pairs, place: Integers) -> list[Finding]:
         found += _leap(pairs, i, error, wide, _MIN_LEAP_DEG_MM) or _leap(
             pairs, i, error, _SUDDEN_ROWS, _MIN_SUDDEN_DEG_MM, _ALONE_RATIO
         )
-    jumped = {joint for each in found for joint in each.joints}
+    jumped = {joint for finding in found for joint in finding.joints}
     return found + [d for i, k in enumerate(place) if pairs.names[i] not in jumped for d in _drift(pairs, i, int(k))]
 
 

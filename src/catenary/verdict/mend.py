@@ -228,7 +228,7 @@ def _couple(log: MotionLog, text: str) -> MotionLog:
         row, column = next((both for both in ends if {*both} <= {*log.joint_names}), pair.partition("/")[::2])
         matrix[_joint(log, row, "--couple"), _joint(log, column, "--couple")] += number
     with_it = [key] + ["q_reported", "qd"] * (key == "q_nominal")
-    coupled = {each: getattr(log, each) @ matrix.T for each in with_it if getattr(log, each) is not None}
+    coupled = {name: getattr(log, name) @ matrix.T for name in with_it if getattr(log, name) is not None}
     return replace(log, **coupled)
 
 
@@ -353,4 +353,4 @@ def left_out_rows(log: MotionLog) -> Flags:
 # units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps; rows
 # that stand still are told among measurements that were brought into time
 _IN_ORDER = (_units, _time_unit, _swap, _sign, _unwrap, _scale, _offset, _couple, _clock, _delay, _shift, _leave_out)
-_STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {each.__name__.strip("_"): each for each in _IN_ORDER}
+_STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {step.__name__.strip("_"): step for step in _IN_ORDER}

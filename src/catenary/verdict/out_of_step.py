@@ -48,7 +48,7 @@ def delay_findings(pairs: Pairs, place: Integers) -> list[Finding]:
     culprit = "sensors with clocks of their own; or, where q_nominal is a setpoint, joints that lag unlike"
     joints = tuple(joint for joint, _ in near.apart)
     unlike = Finding("clock", joints, says, culprit, refuses=near.apart_by > _UNLIKE_SIGMAS, delay=known)
-    others = [each for each in _common_findings(log, place, near, known) if each.refuses or not unlike.refuses]
+    others = [finding for finding in _common_findings(log, place, near, known) if finding.refuses or not unlike.refuses]
     if unlike.refuses and abs(near.median) > (APART_S if near.unit == "s" else APART_ROWS) and not others:  # of most
         others = [_delay(replace(near, seconds=near.median, sure="certain"))]
     return [*apart, *others, *[unlike] * (near.apart_by > _DOUBTED_SIGMAS)]
@@ -59,7 +59,7 @@ def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay 
     from scipy.stats import spearmanr
 
     if change := near.change[0]:
-        ppm, low, high = (1e6 * each for each in near.rate)
+        ppm, low, high = (1e6 * rate for rate in near.rate)
         says = (
             f"the delay grows by {change:+.3g} {near.unit} along the recording, {ppm:.0f} ppm ({low:.0f} to {high:.0f})"
         )
@@ -95,7 +95,7 @@ def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay 
             return [*clocks, _delay(far)]
     elif clear and not clocks:
         parts = ", ".join(str(i + 1) for i, each in enumerate(lags) if each)
-        behind = ", ".join(str(each) for each in clear)
+        behind = ", ".join(str(delay) for delay in clear)
         clocks = [_clock(f"in part {parts} of {count} the measurement lies {behind} rows behind the command", known)]
     return clocks or [Finding("delay", (), str(near), refuses=False, delay=known)]
 

@@ -123,7 +123,7 @@ def behind_slack(pairs: Pairs, i: int, own: int, allowed: tuple[float, float], *
         x = x - onto @ (onto.T @ x)
         slope = float(x @ y) / max(float(x @ x), 1e-12)
         near = float(np.copysign(np.clip(abs(slope), *allowed), slope))  # the nearest that is allowed
-        left, left_near = (float(np.square(y - each * x).sum()) / size for each in (slope, near))
+        left, left_near = (float(np.square(y - ratio * x).sum()) / size for ratio in (slope, near))
         of_cables = min(of_cables, left_near)
         if left < best_left:
             best, best_left = slope, left

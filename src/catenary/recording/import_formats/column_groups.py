@@ -335,9 +335,9 @@ def _own_parts(columns: Sequence[str]) -> tuple[str, ...]:
     """Return the distinctive part of each name: without shared path, the quantity's words and units."""
     segments = [column.split("/") for column in columns]
     shared = set.intersection(*map(set, segments)) if len(columns) > 1 else set[str]()
-    own = ["_".join(segment for segment in each if segment not in shared) for each in segments]
+    own = ["_".join(segment for segment in name if segment not in shared) for name in segments]
     words = (re.findall(r"[a-z]+\d*", name.lower()) for name in own)
-    return tuple("_".join(word for word in each if word not in _OF_NO_JOINT) for each in words)
+    return tuple("_".join(word for word in name if word not in _OF_NO_JOINT) for name in words)
 
 
 def _words(name: str) -> list[str]:
@@ -418,7 +418,7 @@ def _derivatives(values: Floats, time: Floats, *, any_size: bool) -> Flags:
     for window in _WINDOW_ROWS:
         if window > len(values) // 5:
             break
-        moved, added = (each[window:] - each[:-window] for each in (values, sums))
+        moved, added = (array[window:] - array[:-window] for array in (values, sums))
         moved, added = moved - moved.mean(axis=0), added - added.mean(axis=0)
         with np.errstate(invalid="ignore", divide="ignore"):
             both, own, its = moved.T @ added, (moved**2).sum(axis=0), (added**2).sum(axis=0)

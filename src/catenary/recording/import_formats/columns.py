@@ -57,7 +57,7 @@ class Stream:
     def part(self, first: int, last: int) -> "Stream":
         """Return rows from the first to the one before the last, which hold no more in memory than themselves."""
         columns = {name: values[first:last].copy() for name, values in self.columns.items()}
-        stamp, arrival = (None if each is None else each[first:last] for each in (self.stamp, self.arrival))
+        stamp, arrival = (None if times is None else times[first:last] for times in (self.stamp, self.arrival))
         return replace(self, columns=columns, rows=min(last, self.rows) - first, stamp=stamp, arrival=arrival)
 
 
@@ -76,7 +76,7 @@ def joined(parts: Sequence[Stream]) -> Stream:
         return None if each[0] is None else np.concatenate(each)
 
     def in_order(several: Iterable[Iterable[str]]) -> tuple[str, ...]:
-        return tuple(dict.fromkeys(each for some in several for each in some))
+        return tuple(dict.fromkeys(name for some in several for name in some))
 
     arrays = in_order(part.joints for part in parts)
     return replace(

@@ -69,8 +69,8 @@ class DateFormat:
                 text = pc.replace_substring_regex(text, written, meant)
         else:
             text = pc.binary_join_element_wise("1970-01-01", text, " ")
-        half = [pc.match_substring_regex(text, each) for each in ("pm", r" 12:.*[ap]m")]
-        later = pc.subtract(*(pc.if_else(each, _DAY_NS // 2, 0) for each in half))
+        half = [pc.match_substring_regex(text, pattern) for pattern in ("pm", r" 12:.*[ap]m")]
+        later = pc.subtract(*(pc.if_else(mask, _DAY_NS // 2, 0) for mask in half))
         text = pc.replace_substring_regex(pc.replace_substring_regex(text, r" ?[ap]m", ""), r" (\d):", r" 0\1:")
         text = pc.utf8_trim_whitespace(pc.replace_substring(text, "z", "Z"))
         stamp = text.cast(pa.timestamp("ns", tz="UTC" if self.has_zone else None))
@@ -101,14 +101,14 @@ def date_format(texts: Sequence[str]) -> DateFormat | None:
         order = "dmy"
     else:
         days = sorted({(int(m["a"]), int(m["b"])) for m in found})
-        largest = [max(each) for each in zip(*days, strict=True)]
+        largest = [max(numbers) for numbers in zip(*days, strict=True)]
         day_first, month_first = (
             max(d) - min(d) for d in ([31 * b + a for a, b in days], [31 * a + b for a, b in days])
         )
         order = "mdy" if largest[1] > 12 or (largest[0] <= 12 and month_first < day_first) else "dmy"
         (a, b), is_told = days[0], max(largest) > 12 or day_first != month_first or days[0][0] == days[0][1]
         if not is_told:
-            one, other = (_MONTHS[each - 1].capitalize() for each in (b, a))
+            one, other = (_MONTHS[month - 1].capitalize() for month in (b, a))
             doubt = f"{a}/{b} may be the {a}. of {one} or the {b}. of {other}, and nothing tells which"
     return DateFormat(order, bool(first["clock"]), bool(first["zone"]), is_iso, doubt)
 

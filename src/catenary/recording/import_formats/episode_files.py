@@ -58,7 +58,7 @@ class _Content:
         self._found: dict[str, h5py.Dataset] = {}
         self._units: dict[str, list[str]] = {}
         self._walk(file)
-        self._is_matlab = any("MATLAB_class" in each.attrs for each in self._found.values())
+        self._is_matlab = any("MATLAB_class" in group.attrs for group in self._found.values())
 
     def streams(self, wanted: str) -> list[Stream]:
         """Return the arrays that all episodes have; of a file without episodes, all."""
@@ -159,7 +159,7 @@ class _Content:
 def _units_of(data: "h5py.Dataset") -> list[str]:
     """Return the units that attributes of an array state, one or one for each of its columns; none where none does."""
     stated = np.ravel(next((data.attrs[key] for key in ("units", "Units", "unit") if key in data.attrs), [])).tolist()
-    return [each.decode(errors="replace") if isinstance(each, bytes) else str(each) for each in stated]
+    return [value.decode(errors="replace") if isinstance(value, bytes) else str(value) for value in stated]
 
 
 def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:

@@ -191,7 +191,7 @@ def synchronise(
         q = np.column_stack([told_by.columns[base[i].column] * scaled["q_nominal"][i] for i in order])
         notes += tip_said(model, q, told_by, streams[columns.tip[0]], columns.tip[1])
     places = {key: each.places for key, each in found.items()}
-    used = {place.stream for each in places.values() for place in each} | set(mapping.reported)
+    used = {place.stream for found in places.values() for place in found} | set(mapping.reported)
     in_si = {key: partial(_in_si, key, getattr(mapping, key), scaled[key]) for key in joints}
     of_log = {name: one for name, one in streams.items() if name in used}
     clock = OneClock(of_log, places, mapping, sources.today, in_si, units)

@@ -87,13 +87,13 @@ class Bag:
         for name, arrivals, block in self._reader.blocks(tuple(columns)):
             if name in in_chunk:
                 in_chunk.clear()
-                if max(each.waiting for each in columns.values()) >= _BATCH_MESSAGES:
-                    yield [each.taken() for each in columns.values()]
+                if max(column.waiting for column in columns.values()) >= _BATCH_MESSAGES:
+                    yield [column.taken() for column in columns.values()]
             in_chunk.add(name)
             columns[name].add(arrivals, block)
             seen += len(block)
             self._progress(min(1.0, seen / every))
-        yield [each.taken() for each in columns.values()]
+        yield [column.taken() for column in columns.values()]
 
     def _evenly(self, topics: Collection[str]) -> _Blocks:
         """Yield _SAMPLED_MESSAGES messages of each topic at most, and no long ones."""
@@ -103,7 +103,7 @@ class Bag:
             rows = np.flatnonzero((seen[name] + np.arange(len(block))) % every == 0)
             seen[name] += len(block)
             read += len(block)
-            self._progress(min(1.0, read / sum(self.counts[each] for each in topics)))
+            self._progress(min(1.0, read / sum(self.counts[topic] for topic in topics)))
             rows = rows[block.lengths[rows] <= _MAX_SAMPLED_BYTES]
             if len(rows):
                 yield name, arrivals[rows], Block.of([block[row] for row in rows.tolist()])

@@ -273,8 +273,8 @@ def tip_said(model: RobotModel, q: Floats, joints: Stream, own: Stream, columns:
     from scipy.spatial.transform import Rotation
 
     values = np.column_stack([own.columns[column] for column in columns])
-    headed = all(each.stamp is not None and each.stamp.all() for each in (joints, own))
-    at, there = (each.stamp if headed else each.arrival for each in (joints, own))
+    headed = all(stream.stamp is not None and stream.stamp.all() for stream in (joints, own))
+    at, there = (stream.stamp if headed else stream.arrival for stream in (joints, own))
     whole = np.isfinite(q).all(axis=1)
     if at is None or there is None or not whole.any():
         return []

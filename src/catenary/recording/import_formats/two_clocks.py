@@ -75,7 +75,7 @@ class FileClock:
         if self.delay is None:
             return f"{said}, as given"
         low, high = self.interval
-        _, slowest, fastest = (1e6 * (self.fast + each) for each in self.delay.rate)
+        _, slowest, fastest = (1e6 * (self.fast + rate) for rate in self.delay.rate)
         gains = f", {slowest:+.0f} to {fastest:+.0f} ppm" * bool(slowest < fastest)
         return f"{said} ({low:+.3f} to {high:+.3f} s{gains}), by the motion that both saw"
 
@@ -102,7 +102,7 @@ def clock_by_motion(base: Series, other: Series, units: tuple[str, ...], where: 
     if others:
         raise InputError(
             f"{where}: the motion repeats itself: its clock may be {best.ahead:+.3f} s ahead of q_nominal's, or "
-            f"{', '.join(f'{each.ahead:+.3f}' for each in others)} s; {_GIVEN}"
+            f"{', '.join(f'{rival.ahead:+.3f}' for rival in others)} s; {_GIVEN}"
         )
     return best
 
