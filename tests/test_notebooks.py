@@ -81,8 +81,10 @@ def test_what_the_public_door_gives_prints_in_few_characters_and_shows_a_screen(
     assert "bmatrix" in catenary.compact_regressor(ARM)._repr_html_()
 
 
-def test_a_name_of_a_file_is_no_markup():
-    assert "<script>" not in replace(LOG, name="<script>")._repr_html_()
+def test_a_name_of_a_file_is_no_markup_and_cut():
+    odd = replace(LOG, name="<script>" * 100)
+    assert "<script>" not in odd._repr_html_()
+    assert len(repr(odd)) < 160
 
 
 def test_tables_are_latex_for_booktabs():

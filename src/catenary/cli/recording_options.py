@@ -1,6 +1,7 @@
 """Options of recordings: which columns are which quantity, and how they are corrected before use."""
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,20 +79,7 @@ class RecordingOptions(MappingOptions):
         as_trained = not getattr(self, "as_is", False)
         array, given = (None, ()) if self.units is None else units_of(self.units)
         mapping = self.read(self.units if array is None else None, robot=robot)
-        typed = values_of(
-            self,
-            "swap",
-            "sign",
-            "unwrap",
-            "scale",
-            "offset",
-            "couple",
-            "clock",
-            "delay",
-            "shift",
-            "time_unit",
-            "leave_out",
-        )
+        typed = values_of(self, *(step.name for step in fields(Mend) if step.name != "units"))
         is_mended = self.units is not None and (mapping is None or array is not None)
         mend = Mend(units=(self.units or "",) if is_mended else (), **typed)
         units = None if mapping is not None else si_units(given) or own_units

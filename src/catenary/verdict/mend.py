@@ -35,9 +35,7 @@ class Mend:
     units: tuple[str, ...] = ()
     swap: tuple[str, ...] = ()  # "J1,J2" each, in turn: these columns of q_encoder; "tau:J1,J2" of another array
     sign: tuple[str, ...] = ()  # "J3" each: the column of q_encoder changes its sign; "tau:J3" of another array
-    unwrap: tuple[
-        str, ...
-    ] = ()  # "J5=0.0022" each: take off the whole periods that q_encoder is from q_nominal [rad, m]
+    unwrap: tuple[str, ...] = ()  # "J5=0.0022" each: the whole periods that q_encoder is from q_nominal come off
     scale: tuple[str, ...] = ()  # "J3=0.5" each: the column of q_encoder times that; "tau:J3=0.5" of another array
     offset: tuple[str, ...] = ()  # "q_nominal:J3=0.1" each: add that to the column [rad, m, Nm or N]
     delay: float = 0.0  # by which the measurement lies behind the command [s]
