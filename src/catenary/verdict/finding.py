@@ -108,4 +108,7 @@ def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = (),
         lines = [f'recording "{where}": {finding}' for where, finding in refused]
         go_on = " ".join(f"--accept {name}" for name in names)
         raise DataError("\n".join([*lines, f"nothing was {done}; to continue anyway: {go_on}"]), names)
-    return [f"{where}: {'accepted ' + finding.name + ': ' if finding.refuses else ''}{finding}" for where, finding in findings]
+    return [
+        f"{where}: {'accepted ' + finding.name + ': ' if finding.refuses else ''}{finding}"
+        for where, finding in findings
+    ]
