@@ -129,3 +129,50 @@ def test_every_package_that_is_imported_is_declared() -> None:
     imported = _imported()
     assert imported - always - of_users - OF_ROS == set()
     assert always - imported == set()
+
+
+_WEAK_FIRST_LINE = re.compile(r"(Return|Give|Say|Tell) (what|it|how|whether|where|which)\b")
+_IDIOMS = ("told", "anew", "as they come", "lie behind", "lies behind", "what lies", "vouch", "in how far")
+
+
+def test_a_docstring_begins_with_what_is_returned() -> None:
+    functions = [
+        (name, node) for name, tree in TREES.items() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
+    ]
+    weak = [f"{n}:{f.name}" for n, f in functions if _WEAK_FIRST_LINE.match(ast.get_docstring(f) or "")]
+    assert weak == []
+
+
+def test_functions_that_other_rooms_import_state_their_arguments() -> None:
+    """Commands' arguments are their options, which have a help each."""
+    imported = {
+        alias.name
+        for name, tree in TREES.items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("catenary.")
+        if node.module.split(".")[1] != name.split("/")[0]
+        for alias in node.names
+    }
+    silent = [
+        f"{name}:{node.name}"
+        for name, tree in TREES.items()
+        if not name.startswith("cli/")
+        for node in tree.body
+        if isinstance(node, ast.FunctionDef) and node.name in imported and not node.name.startswith("_")
+        if not any(getattr(decorator, "id", "") == "overload" for decorator in node.decorator_list)
+        if len([*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]) > 1
+        if not re.search(r"^\s*Args:", ast.get_docstring(node) or "", re.MULTILINE)
+    ]
+    assert silent == []
+
+
+def test_names_and_prose_are_the_fields() -> None:
+    nodes = [(name, node) for name, tree in TREES.items() for node in ast.walk(tree)]
+    loops = [node for _, node in nodes if isinstance(node, ast.For | ast.comprehension)]
+    assert [node for node in loops if isinstance(node.target, ast.Name) and node.target.id == "each"] == []
+    found = {
+        str(path.relative_to(PACKAGE)): words
+        for path in FILES
+        if (words := [word for word in _IDIOMS if re.search(rf"\b{word}\b", path.read_text(), re.IGNORECASE)])
+    }
+    assert found == {}

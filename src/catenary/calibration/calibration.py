@@ -57,6 +57,12 @@ class Calibration(CalibrationModel):
     """A fitted calibration model with its card: what it was fitted to, and its errors.
 
     Recordings, not arrays, are corrected like its training data; `dataclasses.replace(model, mends={})` prevents it.
+
+    Example:
+        >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
+        >>> model = catenary.fit(q, 1.03 * q, units=["rad"], model="linear")
+        >>> model.joint_names, model.kind
+        (('J1',), 'linear')
     """
 
     card: Card = field(default_factory=dict)
@@ -165,6 +171,15 @@ def load_model(path: str | Path, *, own: Named | Sequence[Named] | None = None) 
     Raises:
         FileFormatError: It is no calibration model.
         InputError: It is of another class, or holds types of packages whose classes are not named.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import mkdtemp
+        >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
+        >>> path = Path(mkdtemp()) / "model.npz"
+        >>> catenary.fit(q, 1.03 * q, units=["rad"], model="linear").save(path)
+        >>> catenary.load_model(path).kind
+        'linear'
     """
     model, card = read_model(Path(path), own)
     return _with_card(model, card)
@@ -226,6 +241,14 @@ def fit(
         DataError: Something is wrong with the data; the message says what, how to fix it, and how to accept it.
         InputError: Arrays that do not fit together, too few rows, or options that contradict each other.
         FileFormatError: A recording is missing or damaged.
+
+    Example:
+        >>> t = np.linspace(0.0, 60.0, 1800)
+        >>> q = np.column_stack([np.sin(t), 0.1 * np.cos(1.7 * t)])
+        >>> truth = q + [0.02, 0.001] + 0.03 * q
+        >>> model = catenary.fit(q, truth, units=["rad", "m"], model="linear")
+        >>> bool(np.abs(model.predict(q) - truth).max() < 1e-9)
+        True
     """
     logs = _logs(q_nominal, joint_names, units, q_encoder, **arrays)
     shares, limits = (None if values is None else tuple(values) for values in (play, max_error))
@@ -258,6 +281,11 @@ def check_data(
 
     Returns:
         Findings; `fit` refuses those whose `refuses` is true, unless their `name` is accepted.
+
+    Example:
+        >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
+        >>> [finding.name for finding in catenary.check_data(q, np.rad2deg(q), units=["rad"]) if finding.refuses]
+        ['units', 'copied']
     """
     logs = _logs(q_nominal, joint_names, units, q_encoder, **arrays)
     model = robot_of(logs, robot)
@@ -286,6 +314,15 @@ def evaluate(
     Raises:
         DataError: Something is wrong with the data.
         InputError: Arrays that do not fit together, or other joints than the model's.
+
+    Example:
+        >>> t = np.linspace(0.0, 60.0, 1800)
+        >>> q = np.column_stack([np.sin(t), 0.1 * np.cos(1.7 * t)])
+        >>> truth = q + [0.02, 0.001] + 0.03 * q
+        >>> model = catenary.fit(q[:1200], truth[:1200], units=["rad", "m"], model="linear")
+        >>> errors = catenary.evaluate(model, q[1200:], truth[1200:])
+        >>> [joint.name for joint in errors.joints if joint.rmse < joint.offset_rmse]
+        ['J1', 'J2']
     """
     if not isinstance(model, Calibration | str | Path):
         if hasattr(model, "fit"):
@@ -315,6 +352,13 @@ def refresh(
     Raises:
         DataError: Something is wrong with the data.
         InputError: Arrays that do not fit together, or other joints than the model's.
+
+    Example:
+        >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
+        >>> model = catenary.fit(q, 1.03 * q, units=["rad"], model="linear")
+        >>> today = catenary.refresh(model, q, 1.03 * q + 0.01)
+        >>> bool(np.abs(today.predict(q) - 1.03 * q - 0.01).max() < 1e-3)
+        True
     """
     loaded = model if isinstance(model, Calibration) else load_model(model)
     return loaded.refresh(q_nominal, q_encoder, accept=accept, **arrays)

@@ -26,6 +26,14 @@ class Corrector:
     fixed offset is added.
 
     `correct` and `correct_state` check and copy arrays at every tick; `bind` checks those of a loop once.
+
+    Example:
+        >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
+        >>> corrector = catenary.fit(q, 1.03 * q, units=["rad"], model="linear").corrector(rate_hz=1000.0)
+        >>> corrected, inside = np.empty(1), np.empty(1, dtype=bool)
+        >>> corrector.correct(np.array([0.5]), np.array([0.5]), corrected, inside)
+        >>> corrected.round(4), inside
+        (array([0.515]), array([ True]))
     """
 
     def __init__(self, model: CalibrationModel, *, rate_hz: float = 1000.0) -> None:

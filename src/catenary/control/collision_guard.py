@@ -12,6 +12,16 @@ class CollisionGuard:
     """An observer for `run_loop`, which it ends: the robot holds. Beside it the loop's own guard looks at speeds.
 
     It looks at the torques that the robot reports, under the gravity of its state.
+
+    Example:
+        >>> arm = catenary.load_robot("two_link")
+        >>> guard = catenary.CollisionGuard(catenary.MomentumObserver(arm, deviation=[0.3, 0.3]))
+        >>> plant = catenary.MujocoPlant(arm, start=[0.3, 0.5])
+        >>> plant.home()
+        >>> path = catenary.go_to([0.3, 0.5], [0.6, 0.2], max_velocity=[1.0, 1.0], max_acceleration=[2.0, 2.0])
+        >>> controller = catenary.GravityPD(arm, kp=[2000.0, 500.0], kd=[120.0, 13.0])
+        >>> catenary.run_loop(plant, controller, path, observers=[guard]).finished
+        True
     """
 
     def __init__(self, observer: MomentumObserver) -> None:

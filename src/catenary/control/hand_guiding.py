@@ -37,6 +37,13 @@ class HandGuiding(GravityHold):
     more than `max_payload` in its interval of 95 %, "refused": then it goes on holding. While guided, a force along
     gravity that noise does not explain (a load was taken up or put down), or any beyond `max_push`, makes it hold and
     weigh again. One pose does not tell how high above or below the frame a load is; each later one at rest does.
+
+    Example:
+        >>> arm = catenary.load_robot("panda")
+        >>> kp = np.array([250.0, 2190.0, 122.0, 764.0, 65.0, 68.0, 12.0])
+        >>> guiding = catenary.HandGuiding(arm, kp, kp / 25.0, deviation=np.full(7, 0.3), max_payload=3.0)
+        >>> guiding.state
+        'weighing'
     """
 
     def __init__(

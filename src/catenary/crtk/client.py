@@ -199,7 +199,18 @@ _BUTTON_PREFIX = "button: "  # before it, where it says so on a topic
 
 
 def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]:
-    """Press it; return whether an arm starts, and what the robot says within `timeout` [s], or raise TransportError."""
+    """Press a RAVEN-II's silver button.
+
+    Args:
+        transport: Connection.
+        timeout: Time to wait for the robot's answer [s].
+
+    Returns:
+        Whether an arm starts, and the robot's message.
+
+    Raises:
+        TransportError: Nobody listens to the button.
+    """
     publisher = transport.publisher(BUTTON, SIGNAL)
     heard = transport.subscribe(f"{NAMESPACES['gold']}/{WARNING}", TEXT)
     try:

@@ -32,7 +32,12 @@ def message_class(name: str) -> Any:
 
 
 def header(stamp: int, frame_id: str = "") -> Message:
-    """Return a header at `stamp` [ns], of numbers in a frame; `seq` is counted by whoever publishes it."""
+    """Return a message header; `seq` is counted by the publisher.
+
+    Args:
+        stamp: Time [ns].
+        frame_id: Frame of the message's numbers.
+    """
     return message_class(HEADER)(0, stamp, frame_id)
 
 

@@ -57,7 +57,15 @@ class _Empty(NamedTuple):
 
 @cache
 def codec(name: str, encoding: Encoding = ROS1) -> Codec:
-    """Return the codec of a message type, or of a service's Request or Response; InputError names a field."""
+    """Return the codec of a message type, or of a service's Request or Response.
+
+    Args:
+        name: Type.
+        encoding: Encoding of ROS 1, or CDR of ROS 2.
+
+    Returns:
+        The codec; it raises InputError for a field that does not fit, by name.
+    """
     if current_name(name) != name:
         return codec(current_name(name), encoding)
     kind, write, finish = message_class(name), _writer(name, encoding), _completion(name, encoding)

@@ -30,7 +30,15 @@ _logger = logging.getLogger(__name__)
 def joint_state_message(
     names: tuple[str, ...], stamp: int, position: ArrayLike = (), velocity: ArrayLike = (), effort: ArrayLike = ()
 ) -> Message:
-    """Return a sensor_msgs/JointState, at `stamp` [ns]; what is empty is left out of it."""
+    """Return a sensor_msgs/JointState.
+
+    Args:
+        names: Joint names.
+        stamp: Time [ns].
+        position: (n,) [rad|m]; empty to leave it out.
+        velocity: (n,) [rad/s|m/s]; empty to leave it out.
+        effort: (n,) [Nm|N]; empty to leave it out.
+    """
     values = []
     for field, given in zip(_NUMBERS, (position, velocity, effort), strict=True):
         array = as_array(field, given, (None,))
@@ -48,10 +56,22 @@ def named_joints(message: Message, names: tuple[str, ...]) -> tuple[str, ...]:
 def joint_values(
     message: Message, names: tuple[str, ...], field: str = "position", *, rest: Floats | None = None
 ) -> Floats:
-    """Return the numbers of a sensor_msgs/JointState's `field` in the order of our joints, (n,).
+    """Return the numbers of a sensor_msgs/JointState in the order of our joints.
 
     Numbers go to the joints of their names, a RAVEN-II's own (gold_ins, of either arm) too; without names the first n
-    count, in our order, as the RAVEN-II takes them. Joints that are not named get `rest` (n,); None refuses them.
+    count, in our order, as the RAVEN-II takes them.
+
+    Args:
+        message: The message.
+        names: Our joints.
+        field: "position", "velocity" or "effort".
+        rest: Numbers of joints that are not named (n,); None refuses them.
+
+    Returns:
+        (n,).
+
+    Raises:
+        InputError: Unknown joints, or another number of them.
     """
     values = as_array(f"JointState.{field}", getattr(message, field), (None,))
     given = tuple(message.name)
@@ -107,7 +127,14 @@ def joint_state(
 
 
 def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = None) -> Message:
-    """Return a geometry_msgs/PoseStamped, or a TransformStamped, as older CRTK has it, when `child` is a frame."""
+    """Return a geometry_msgs/PoseStamped, or a TransformStamped, as older CRTK has it.
+
+    Args:
+        pose: Pose.
+        stamp: Time [ns].
+        frame_id: Frame that the pose is in.
+        child: Frame whose pose it is, for a TransformStamped.
+    """
     quaternion = _Quaternion(*quaternion_of_rows(pose.rotation.tolist()))
     place = pose.position.tolist()
     if child is None:

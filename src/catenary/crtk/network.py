@@ -180,7 +180,16 @@ BY_ROS2 = {kind.name: kind for kind in _KINDS if kind.ros == "2"}  # behind `--t
 
 
 def make_transport(ros: str, name: str) -> "Transport":
-    """Join ROS 1, ROS 2 as `said_ros_arguments` tells, or with "none" nothing beyond this program, as `name`."""
+    """Join a ROS network.
+
+    Args:
+        ros: "1", "2", as `said_ros_arguments` configure it, or "none": nothing beyond this program.
+        name: Name of the node.
+
+    Raises:
+        InputError: Another network.
+        TransportError: The network cannot be joined.
+    """
     said = said_ros_arguments()
     if ros not in CARRIERS:
         raise InputError(f'ros "{ros}": expected {", ".join(CARRIERS[:-1])} or {CARRIERS[-1]}')
@@ -201,7 +210,15 @@ def make_transport(ros: str, name: str) -> "Transport":
 
 
 def node_name(program: str, given: str | None = None) -> str:
-    """Return the name that was given, else catenary_PROGRAM_PID: ROS 1 ends the older of two programs of one name."""
+    """Return a unique node name: ROS 1 ends the older of two programs of one name.
+
+    Args:
+        program: Program, for catenary_PROGRAM_PID.
+        given: Name given by the user, used in its place.
+
+    Raises:
+        InputError: ROS cannot have the name.
+    """
     if given is None:
         return f"catenary_{re.sub(r'[^A-Za-z0-9_]', '_', program)}_{os.getpid()}"
     if not re.fullmatch(r"/?[A-Za-z]\w*", given, re.ASCII):

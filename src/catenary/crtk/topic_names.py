@@ -191,12 +191,25 @@ RAVEN_TOPICS = tuple(_raven())
 
 
 def calibrated_namespace(arm: Arm, namespace: str | None = None) -> str:
-    """Return the prefix of the topics of an arm's deployed model; its namespace's, if it has one."""
+    """Return the prefix of the topics of an arm's deployed model.
+
+    Args:
+        arm: Side of a RAVEN-II.
+        namespace: The arm's namespace, if it has one.
+    """
     return f"{NAMESPACES[arm] if namespace is None else '/' + namespace.strip('/')}/calibrated"
 
 
 def raven_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
-    """Return an arm's topics as the RAVEN-II's software has them, or those of the whole robot."""
+    """Return an arm's topics as the RAVEN-II's software has them.
+
+    Args:
+        arm: Side; the topics of the whole robot when None.
+        namespace: Must be None: these topics are fixed.
+
+    Raises:
+        InputError: A namespace is given.
+    """
     if namespace is not None:
         raise InputError(
             f'namespace "{namespace}": the dialect raven has none, its topics are fixed (/arm1 gold, /arm2 green); '
@@ -206,9 +219,11 @@ def raven_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTop
 
 
 def crtk_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
-    """Return an arm's topics in the present convention, below a namespace such as /PSM1; jaw verbs are jaw/VERB.
+    """Return an arm's topics in the present convention; jaw verbs are jaw/VERB.
 
-    Without a namespace the arm is a RAVEN-II's; the robot itself has none.
+    Args:
+        arm: Side of a RAVEN-II; the robot itself, which has no topics, when None.
+        namespace: Namespace such as /PSM1; a RAVEN-II's own when None.
     """
     if namespace is None:
         return () if arm not in NAMESPACES else crtk_topics(arm, NAMESPACES[arm])
@@ -233,7 +248,17 @@ def topics(dialect: str) -> tuple[CrtkTopic, ...]:
 
 
 def find_topic(dialect: str, verb: str, arm: Arm | None = None, namespace: str | None = None) -> CrtkTopic:
-    """Return the topic of a verb (the gripper's begin with `jaw/` or `grasp_`) of an arm, or the robot when None."""
+    """Return the topic of a verb.
+
+    Args:
+        dialect: CRTK dialect.
+        verb: The verb; the gripper's begin with `jaw/` or `grasp_`.
+        arm: Side of a RAVEN-II; the robot when None.
+        namespace: The arm's namespace.
+
+    Raises:
+        InputError: The dialect has no such verb.
+    """
     listed: tuple[CrtkTopic, ...] = dialect_named(dialect).topics(arm, namespace)
     found = next((topic for topic in listed if topic.verb == verb), None)
     if found is None:
@@ -246,5 +271,11 @@ def find_topic(dialect: str, verb: str, arm: Arm | None = None, namespace: str |
 
 
 def topic_name(dialect: str, verb: str, arm: Arm | None = None) -> str:
-    """Return the name of the topic of a verb; see `find_topic`."""
+    """Return the name of the topic of a verb; see `find_topic`.
+
+    Args:
+        dialect: CRTK dialect.
+        verb: The verb.
+        arm: Side of a RAVEN-II; the robot when None.
+    """
     return find_topic(dialect, verb, arm).name

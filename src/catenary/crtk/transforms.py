@@ -58,7 +58,16 @@ class TransformTree:
 
 
 def recorded_pose(path: Path, base: str, frame: str) -> Pose:
-    """Return the pose of a frame in a base by the transforms of a recording."""
+    """Return the pose of a frame in a base by the transforms of a recording.
+
+    Args:
+        path: The recording.
+        base: Base frame.
+        frame: Frame.
+
+    Raises:
+        InputError: No transform connects them.
+    """
     source, tree = open_recording(path), TransformTree()
     there = [topic for topic in _TOPICS if topic in source.counts]
     decode = codec(_TYPE, ROS1 if source.encoding == "ros1" else CDR).decode
@@ -69,7 +78,16 @@ def recorded_pose(path: Path, base: str, frame: str) -> Pose:
 
 
 def heard_pose(transport: Transport, base: str, frame: str) -> Pose:
-    """Return the pose of a frame in a base by what is published, once it is known, three seconds later at most."""
+    """Return the pose of a frame in a base by published transforms.
+
+    Args:
+        transport: Connection.
+        base: Base frame.
+        frame: Frame.
+
+    Raises:
+        TransportError: They are not known within three seconds.
+    """
     tree, subscriptions = TransformTree(), [transport.subscribe(topic, _TYPE) for topic in _TOPICS]
     end = transport.steady() + _WAIT_S * SECOND
     try:

@@ -73,6 +73,16 @@ def import_recording(
 
     Example:
         log = import_recording("lab.bag", ["q_nominal=/PSM1/measured_js.position[0:3]"], robot="dvrk_psm")
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import mkdtemp
+        >>> path, t = Path(mkdtemp()) / "run.csv", np.linspace(0.0, 30.0, 900)
+        >>> columns = np.column_stack([t, np.sin(t), np.cos(t), 1.02 * np.sin(t), 1.02 * np.cos(t)])
+        >>> np.savetxt(path, columns, delimiter=",", comments="", header="time,cmd_1,cmd_2,encoder_1,encoder_2")
+        >>> mapping = ["time=time", "q_nominal=cmd_1,cmd_2", "q_encoder=encoder_1,encoder_2"]
+        >>> catenary.import_recording(path, mapping, units="rad,rad").q_nominal.shape
+        (900, 2)
     """
     how: dict[str, Any] = {
         "units": units,
@@ -159,6 +169,15 @@ def propose_mapping(
 
     Returns:
         The proposal; `toml` is its text, to edit and to import with.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import mkdtemp
+        >>> path, t = Path(mkdtemp()) / "run.csv", np.linspace(0.0, 30.0, 900)
+        >>> columns = np.column_stack([t, np.sin(t), np.cos(t), 1.02 * np.sin(t), 1.02 * np.cos(t)])
+        >>> np.savetxt(path, columns, delimiter=",", comments="", header="time,cmd_1,cmd_2,encoder_1,encoder_2")
+        >>> catenary.propose_mapping(path).toml.count("OPEN")
+        2
     """
     return propose(Sources(_paths(sources)), robot=robot, units=units, answers=answers)
 

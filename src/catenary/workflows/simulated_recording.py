@@ -44,6 +44,14 @@ def record_simulated(
 
     Raises:
         NotReadyError: The arm is not homed or enabled, or its software e-stop tripped.
+
+    Example:
+        >>> arm = catenary.CablePlant(seed=0)
+        >>> arm.home()
+        >>> path = catenary.random_sinusoids(np.random.default_rng(0), 5.0)
+        >>> log = catenary.record_simulated(arm, path, "run", np.random.default_rng(0))
+        >>> log.joint_names, len(log)
+        (('shoulder', 'elbow', 'insertion'), 150)
     """
     _approach(plant, trajectory)
     stamps = _stamps(round(trajectory.duration / PERIOD), state_rate, rng)
