@@ -34,21 +34,22 @@ class Program:
     arguments: tuple[str, ...]
     serves: tuple[str, ...] = ("dvrk_psm",)
     enabled: bool = False  # whether the arms have to be
-    person: str = ""  # what a person does meanwhile, a program by crtk.ral; one without an end is interrupted after it
+    person: str = ""  # what a person does meanwhile, a program; one without an end is interrupted after it
 
 
-# what a person does begins with this: pedals, and the hand of an operator
+# what a person does begins with this: pedals, and the hand of an operator; by catenary's own transport, since two
+# programs of Fast DDS on one machine, beside servers of Cyclone DDS, may not hear each other
 _PERSON = """
-import os, sys, time
-import crtk, numpy
-from geometry_msgs.msg import PoseStamped, WrenchStamped
-from sensor_msgs.msg import JointState, Joy
-ral = crtk.ral("person")
-pedals = {name: ral.publisher(f"/footpedals/{name}", Joy) for name in ("coag", "clutch")}
+import sys, time
+import numpy as np
+from catenary.crtk.message import message_class
+from catenary.crtk.network import make_transport
+transport = make_transport(sys.argv[1], "person")
+Joy, JointState = (message_class(f"sensor_msgs/{name}") for name in ("Joy", "JointState"))
+WrenchStamped, Wrench, Vector3 = (message_class(f"geometry_msgs/{name}") for name in ("WrenchStamped", "Wrench", "Vector3"))
+pedals = {name: transport.publisher(f"/footpedals/{name}", "sensor_msgs/Joy") for name in ("coag", "clutch")}
 def press(name, value):
-    message = Joy()
-    message.axes, message.buttons = [0.0], [value]
-    pedals[name].publish(message)
+    pedals[name].publish(Joy(axes=[0.0], buttons=[value]))
 """
 _PEDALS = (
     _PERSON
@@ -63,18 +64,22 @@ while True:
 _OPERATOR = (
     _PERSON
     + """
-NAMES = "MTMR/measured_cp", "PSM1/setpoint_cp"
+NAMES = "/MTMR/measured_cp", "/PSM1/setpoint_cp"
+ears = {name: transport.subscribe(name, "geometry_msgs/PoseStamped", depth=1) for name in NAMES}
+ears["jaw"] = transport.subscribe("/PSM1/jaw/setpoint_js", "sensor_msgs/JointState", depth=1)
+hand = transport.publisher("/MTMR/hand/servo_cf", "geometry_msgs/WrenchStamped")
+fingers = transport.publisher("/MTMR/hand/servo_jp", "sensor_msgs/JointState")
 last = {}
-ears = [ral.subscriber(f"/{name}", PoseStamped, lambda m, name=name: last.__setitem__(name, m.pose.position))
-        for name in NAMES]
-jaw = []
-ears.append(ral.subscriber("/PSM1/jaw/setpoint_js", JointState, lambda m: jaw.append(m.position[0])))
-hand = ral.publisher("/MTMR/hand/servo_cf", WrenchStamped)
-fingers = ral.publisher("/MTMR/hand/servo_jp", JointState)
+def newest(name):
+    for received in ears[name].take():
+        last[name] = received.message
+    return last.get(name)
 def at(name):
-    return numpy.array([last[name].x, last[name].y, last[name].z])
+    return np.array(tuple(newest(name).pose.position))
+def jaw():
+    return float(newest("jaw").position[0])
 def moved(before):
-    return [1e3 * numpy.linalg.norm(at(name) - place) for name, place in before.items()]
+    return [1e3 * np.linalg.norm(at(name) - place) for name, place in before.items()]
 def for_a_while(seconds, do, until=lambda: False):
     end = time.time() + seconds
     while time.time() < end and not until():
@@ -82,29 +87,27 @@ def for_a_while(seconds, do, until=lambda: False):
         do()
         time.sleep(0.02)
 def grip(angle):
-    fingers.publish(JointState(name=["gripper"], position=[angle]))
+    fingers.publish(JointState(position=[angle]))
 def carry(way, seconds):
     "Pull the master there as by a spring with a damper."
-    goal, before, then = at("MTMR/measured_cp") + way, at("MTMR/measured_cp"), time.time()
+    goal, before, then = at(NAMES[0]) + way, at(NAMES[0]), time.time()
     def pull():
         nonlocal before, then
-        place, now, message = at("MTMR/measured_cp"), time.time(), WrenchStamped()
+        place, now = at(NAMES[0]), time.time()
         force = 30.0 * (goal - place) - 10.0 * (place - before) / max(now - then, 0.01)
-        message.wrench.force.x, message.wrench.force.y, message.wrench.force.z = force.tolist()
-        hand.publish(message)
+        hand.publish(WrenchStamped(wrench=Wrench(force=Vector3(*force.tolist()))))
         before, then = place, now
     for_a_while(seconds, pull)
-ral.spin()
-while len(last) < 2 or not jaw:
-    time.sleep(0.1)
-begin = time.time()
-for_a_while(30.0, lambda: grip(0.8 if (time.time() - begin) % 2.0 < 1.0 else 0.1), until=lambda: jaw[-1] > 0.5)
-for_a_while(1.0, lambda: grip(0.8))
-before = {name: at(name) for name in NAMES}
-carry((0.01, 0.02, 0.03), 2.0)
 def has_followed():
     led, followed = moved(before)
     return abs(followed - 0.2 * led) < 0.5
+while any(newest(name) is None for name in ears):
+    time.sleep(0.1)
+begin = time.time()
+for_a_while(40.0, lambda: grip(0.8 if (time.time() - begin) % 2.0 < 1.0 else 0.1), until=lambda: jaw() > 0.5)
+for_a_while(1.0, lambda: grip(0.8))
+before = {name: at(name) for name in NAMES}
+carry((0.01, 0.02, 0.03), 2.0)
 time.sleep(0.5)
 for_a_while(10.0, lambda: None, until=has_followed)  # a busy machine is late
 led, followed = moved(before)
@@ -115,10 +118,10 @@ carry((-0.01, -0.02, -0.03), 2.0)
 time.sleep(1.0)
 free, still = moved(clutched)
 press("clutch", 0)
-print(f"led {led:.1f} mm, followed {followed:.1f} mm, jaw {jaw[-1]:.2f} rad; clutched {free:.1f} mm, followed {still:.1f} mm")
-as_asked = led > 5.0 and abs(followed - 0.2 * led) < 0.5 and jaw[-1] > 0.9 and free > 5.0 and still < 0.5
-sys.stdout.flush()
-os._exit(0 if as_asked else 1)  # its thread of rclpy's is left as it is
+print(f"led {led:.1f} mm, followed {followed:.1f} mm, jaw {jaw():.2f} rad; clutched {free:.1f} mm, followed {still:.1f} mm")
+as_asked = led > 5.0 and abs(followed - 0.2 * led) < 0.5 and jaw() > 0.9 and free > 5.0 and still < 0.5
+transport.close()
+sys.exit(0 if as_asked else 1)
 """
 )
 _DVRK = "dvrk_python"
@@ -184,7 +187,11 @@ def outcome(ros: str, by: str, name: str, programs: Path) -> str:
                 opened.enter_context(served(robot, ros, by, environment, program.enabled))
             begin = time.monotonic()
             person = program.person and opened.enter_context(
-                running([*theirs, "-c", program.person], environment, stdout=subprocess.PIPE)
+                running(
+                    [sys.executable, "-c", program.person, "1" if ros == "1" else "2"],
+                    {**environment, "PYTHONPATH": str(ROOT / "src")},
+                    stdout=subprocess.PIPE,
+                )
             )
             ran = opened.enter_context(
                 running(
