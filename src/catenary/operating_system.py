@@ -13,7 +13,6 @@ import sys
 import time
 from collections.abc import Callable
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from select import select
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -24,8 +23,14 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
 
-_found: list[Any] = [import_module(n) if find_spec(n) else None for n in ("fcntl", "msvcrt", "termios", "tty")]
-_fcntl, _msvcrt, _termios, _tty = _found
+def _module(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError:
+        return None
+
+
+_fcntl, _msvcrt, _termios, _tty = map(_module, ("fcntl", "msvcrt", "termios", "tty"))
 _SYSTEM = sys.platform
 _IS_WINDOWS = _SYSTEM == "win32"
 _LOCKED_BYTE = 1 << 30  # Windows locks bytes against reading, too: one that no file has
