@@ -68,7 +68,7 @@ def estimate_intervals(
     return Intervals(level, np.array(inside), np.array(outside))
 
 
-class Unseen(NamedTuple):
+class DelayMargin(NamedTuple):
     """What errors on blocks of time do not show of joints whose measurement may be late by itself, each (n,)."""
 
     late: Floats  # [s], or rows of recordings without stamps; 0 where motion tells
@@ -83,7 +83,7 @@ class Unseen(NamedTuple):
 
 def unseen_by_blocks(
     logs: Sequence[MotionLog], delays: Sequence[Delay | None], errors: CrossValidation, level: float
-) -> Unseen:
+) -> DelayMargin:
     """Return the error that a joint's own delay may add where its motion does not determine it (`Delay.alone`).
 
     A measurement may be late by itself, none is ahead by itself. At even speed a fit takes all of a lag for hysteresis.
@@ -110,7 +110,7 @@ def unseen_by_blocks(
         likely = high if is_even else max(0.5 * (low + high), 0.0)
         most = high * rms[j] if is_even else left[j] * math.sqrt(along / (1.0 - along))
         found[:, j] = high, max(min(high * rms[j], most), likely * rms[j]), likely * within[j]
-    return Unseen(*found)
+    return DelayMargin(*found)
 
 
 def _speeds(log: MotionLog) -> Floats:
@@ -130,7 +130,7 @@ def expected(
     intervals: Intervals | None,  # whose coverage is to be stated; none without
     widening: Floats | float = 1.0,  # (n,) times as large as on the blocks is an error where joints meet otherwise
     growth: Floats | float = 1.0,  # (N, n) as for `estimate_intervals`
-    unseen: Unseen | None = None,  # that the model's intervals hold beyond these
+    unseen: DelayMargin | None = None,  # that the model's intervals hold beyond these
 ) -> tuple[Spread, ...]:
     """Return the spread over blocks with what it lets expect of another stretch as long as the data.
 

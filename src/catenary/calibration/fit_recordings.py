@@ -10,7 +10,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.calibration.cable_paths import find_cables
 from catenary.calibration.card import model_card
-from catenary.calibration.conformal import Unseen, estimate_intervals, expected, fewest_rows, unseen_by_blocks
+from catenary.calibration.conformal import DelayMargin, estimate_intervals, expected, fewest_rows, unseen_by_blocks
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.dataset import CalibrationData, data_notes, usable_rows
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate, rms
@@ -133,7 +133,7 @@ def _zero_notes(data: CalibrationData, errors: CrossValidation) -> list[str]:
     return [f"zeros of recordings differ by {', '.join(sizes)}: {told}"] if sizes else []
 
 
-def _vague_notes(spread: Sequence[Spread], unseen: Unseen) -> list[str]:
+def _vague_notes(spread: Sequence[Spread], unseen: DelayMargin) -> list[str]:
     """Return notes on joints that may err by several times as much as another minute, and on the motion to record."""
     ranges = [(s, s.rmse_low or 0.0, s.rmse_high or 0.0) for s in spread]
     vague = [f"{s.joint} {low:.3g} to {high:.3g} {s.unit}" for s, low, high in ranges if high > _VAGUE_RATIO * low]

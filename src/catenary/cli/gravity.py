@@ -266,7 +266,7 @@ def track(
     _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, shown)
 
 
-def hold_arm(
+def hold(
     conditions: Conditions,
     sensing: SensingOptions,
     description: DescriptionOptions,

@@ -82,7 +82,7 @@ def random(
     _say(summary, "done")
 
 
-def follow_motion(
+def follow(
     robot: PacedRobot,
     file: Path = argument("FILE", ".csv, .parquet, .npz: time, joints, with units."),
     rows_per_second: float | None = option(None, "Rate of a CSV that holds numbers alone. [default: 64.3]"),
@@ -106,7 +106,7 @@ def follow_motion(
     for unit, typed in (("rad", largest_deg_s), ("m", largest_mm_s)):
         if typed is not None:
             fastest[unit] = from_display(typed, unit)
-    assert motion.time is not None  # of a file to follow_motion
+    assert motion.time is not None  # of a file to follow
     away = leaves_rows(motion, blend)
     shown = ", ".join(in_words(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])

@@ -187,6 +187,10 @@ def _by_mapping(path: Path, mapping: "RecordingMapping", model: RobotModel | Non
 def write_parquet(log: MotionLog, path: str | Path) -> None:
     """Write a log as Parquet: a column per number (q_nominal:<joint>, ..., signals), its unit in the metadata.
 
+    Args:
+        log: The log.
+        path: The file (.parquet).
+
     Example:
         >>> from pathlib import Path
         >>> from tempfile import mkdtemp
