@@ -145,7 +145,7 @@ SAMPLES = [
         says=('"joint effort[2]"',), truth={"q_nominal": Q, "tau": TAU, "time": T},
     ),
     Sample(
-        "libfranka loggers", "franka.csv", "q_d is what it was told",
+        "libfranka loggers", "franka.csv", "q_d is what was commanded",
         lines(",".join(["time", *(f"{a}_{j}" for a in ("q", "q_d", "dq", "tau_J", "tau_J_d") for j in range(3))]) + "\n",
               lambda i: cells(np.concatenate([[T[i]], Q[i], SEEN[i], QD[i], TAU[i], 2 * TAU[i]]))), truth=MOVED,
     ),

@@ -67,7 +67,7 @@ def test_links_whose_columns_coincide_share_the_probability(rng: np.random.Gener
     assert set(found.likely) == {"lower", "upper"}
     assert found.telling_joint == "upper joint"
     carried = found._replace(no_load=0.0)
-    assert str(carried).endswith("cannot be told from these poses; move upper joint")
+    assert str(carried).endswith("cannot be distinguished by these poses; move upper joint")
 
 
 def test_after_a_pose_that_tells_one_link_wins(rng: np.random.Generator) -> None:

@@ -130,8 +130,8 @@ def usable_rows(recordings: Recordings, features: FeatureSet, *, every: int = 1)
     )  # fmt: skip
     if not len(data):
         what = "rows, {0.without_truth} without measurement, {0.dropped} beyond the error limit)"
-        told = "; ".join(f'"{{0.name}}" ({{0.rows}} {what}'.format(source) for source in sources)
-        raise InputError(f"data: no usable row in {told}")
+        named = "; ".join(f'"{{0.name}}" ({{0.rows}} {what}'.format(source) for source in sources)
+        raise InputError(f"data: no usable row in {named}")
     return data
 
 

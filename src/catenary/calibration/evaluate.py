@@ -16,7 +16,7 @@ from catenary.tables import Column, OnScreen, Screen, Table, in_units
 from catenary.units import DISPLAY
 
 HARM_RATIO = 1.01  # times the fixed offset's error: less is no harm
-_MIN_RECORDINGS = 3  # of which zeros can be told from motion
+_MIN_RECORDINGS = 3  # from which on zeros are separable from motion
 OUTSIDE_SHARE = 0.1  # share of rows outside a model's valid range that is worth a warning
 
 
@@ -220,7 +220,7 @@ class CrossValidation:
 
     @property
     def of_others(self) -> Floats:
-        """Errors as they are on another recording, (N, n) [rad|m]: with the zero that none of its blocks told."""
+        """Errors as they are on another recording, (N, n) [rad|m]: with a zero estimated without its blocks."""
         return self.after_model if self.zeros is None else self.after_model + self.zeros
 
     @property

@@ -129,8 +129,8 @@ def _zero_notes(data: CalibrationData, errors: CrossValidation) -> list[str]:
         for j in np.flatnonzero(unknown > _ZERO_RATIO**2 * known)
         for unit, factor in [DISPLAY[data.joint_units[j]]]
     ]
-    told = "errors are those at the lower end once a recording's zero is known (`catenary refresh`)"
-    return [f"zeros of recordings differ by {', '.join(sizes)}: {told}"] if sizes else []
+    condition = "errors are those at the lower end once a recording's zero is known (`catenary refresh`)"
+    return [f"zeros of recordings differ by {', '.join(sizes)}: {condition}"] if sizes else []
 
 
 def _vague_notes(spread: Sequence[Spread], unseen: DelayMargin) -> list[str]:
@@ -218,8 +218,8 @@ def _concluded(
         widening = np.ones_like(model.offset) if model.widening is None else model.widening
         spread = expected(validation, left, intervals, widening, growth, hidden)
         if wide := [f"{s.joint} {w:.2g}" for s, w in zip(spread, widening, strict=True) if w > _DOUBTED_RATIO]:
-            told = f"where joints meet that its training has apart, errors may be more: {', '.join(wide)} times"
-            notes.append(f"{told}; record random motion")
+            warning = f"where joints meet that its training has apart, errors may be more: {', '.join(wide)} times"
+            notes.append(f"{warning}; record random motion")
         notes += _vague_notes(spread, hidden)
         notes += _zero_notes(data, validation)
     held_out = None if late is None else evaluate(model, late)

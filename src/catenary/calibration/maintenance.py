@@ -178,14 +178,14 @@ def refreshed_card(card: Card, refreshed: Refreshed, data: CalibrationData, *, s
 
 def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
     """Return the changes, largest share of its remaining error first: "J5 +2.9 deg, J3 +0.98 mm since 14 May 2026"."""
-    told = [
+    parts = [
         f"{change.name} {change.moved:+.2g} {change.unit}"
         for change in sorted(changes, key=lambda each: -abs(each.moved) / max(each.rmse_after, 1e-9))
         if change.change != UNCHANGED
     ]
     day = None if since is None else datetime.fromisoformat(since)
     when = "since the model was fitted" if day is None else f"since {day.day} {day:%B %Y}"
-    return f"{', '.join(told)} {when}" if told else f"nothing moved {when}"
+    return f"{', '.join(parts)} {when}" if parts else f"nothing moved {when}"
 
 
 def last_date(card: Card) -> str | None:

@@ -141,10 +141,10 @@ def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor:
 
 def since_in_words(found: DriftFound) -> list[str]:
     """Return a sentence for each joint on which the model no longer holds."""
-    told = []
+    lines = []
     for name, first in zip(found.joint_names, found.since, strict=True):
         if first is not None:
             stretch = found.stretches[first]
             when = stretch.date or f"recording {stretch.recording}, homing {stretch.homing}"
-            told.append(f"{name}: beyond since {when}")
-    return told
+            lines.append(f"{name}: beyond since {when}")
+    return lines

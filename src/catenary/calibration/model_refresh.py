@@ -3,12 +3,12 @@
 What a day changes is, of each joint, a zero and slopes of its correction and of its position; and of joints that
 friction couples the level of each element's friction, in its logarithm, whose effect is the derivative of all
 corrections by it. All are the mean of one linear regression [Bishop, Pattern Recognition and Machine Learning, 2006,
-section 3.3], taken anew where the level lies. Before the day a drift may be as large as what its rows show, of the zero
+section 3.3], recomputed where the level lies. Before the day a drift may be as large as what its rows show, of the zero
 as of each slope over the trained range, and friction has a spread of _LEVEL_SPREAD.
 
 Neighbouring rows are hardly independent, and minutes tell nothing of where they did not go: rows count as a look for
-each two sweeps of half the trained range, before which a zero cannot be told from the side of the slack on which the
-joint lies, with an error as large as the model's intervals claim or the regression leaves. A joint keeps its model
+each two sweeps of half the trained range, before which a zero cannot be separated from the side of the slack on which
+the joint lies, with an error as large as the model's intervals claim or the regression leaves. A joint keeps its model
 where blocks of time that are left out in turn show no gain, by one standard error of the paired differences (Breiman et
 al., Classification and Regression Trees, 1984, 3.4.3); friction its level, by two.
 """
@@ -36,10 +36,10 @@ _BLOCKS = 8  # of time, on which changes are judged
 _MIN_ROWS = 40  # five a block
 _RESOLUTION_SI = 1e-9  # [rad|m] differences that no encoder shows
 _SWEEP_SHARE = 0.5  # of the trained range, from one side to the other, that makes a sweep
-MIN_SWEEPS = 10  # of a joint, of which fewer are told
+MIN_SWEEPS = 10  # of a joint; fewer are reported
 _CLOSE_SHARE = 0.01  # of the error: what is better by less is not worth a change
 _LEVEL_SPREAD = 0.4  # of a day's friction, in its logarithm, about the model's
-_LEVEL_STEP, _LARGEST_LEVEL, _LOOKS_AT_LEVEL = 0.25, 1.5, 5  # of its derivative; of logarithms; times it is taken anew
+_LEVEL_STEP, _LARGEST_LEVEL, _LOOKS_AT_LEVEL = 0.25, 1.5, 5  # of its derivative; of logarithms; iterations
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,7 @@ class TrainedNetwork:
         return [*self.weights, *self.biases]
 
     def _room(self, name: str, rows: int, weights: Singles, axis: int) -> Singles:
-        """Return an array (rows, width) that every batch writes anew: new memory costs as long as the arithmetic."""
+        """Return an array (rows, width) that every batch overwrites: new memory costs as long as the arithmetic."""
         room = self._rooms.get(name)
         if room is None or len(room) < rows:
             room = self._rooms[name] = np.empty((rows, weights.shape[axis]), weights.dtype)

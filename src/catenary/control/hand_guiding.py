@@ -1,4 +1,4 @@
-"""Gravity compensation with a load that nobody told: weighed while the arm holds, then carried, or refused."""
+"""Gravity compensation with an undeclared load: weighed while the arm holds, then carried, or refused."""
 
 from typing import Literal
 

@@ -111,7 +111,7 @@ class Subscription:
         self.senders: dict[str, int] = {}  # by `Arrival.process`, when its newest message came [ns]
         # last message of each latching publisher, by process
         self._latched: dict[str, tuple[object, Any]] = {}
-        self._behind_seq = 4 if has_header(type_name) else 0  # a publisher counts a latched message anew
+        self._behind_seq = 4 if has_header(type_name) else 0  # a publisher renumbers a latched message
         self._inbox = inbox
         # its own: a message of another topic wakes nobody who waits for this one
         self._came = threading.Condition(inbox.lock)

@@ -133,8 +133,8 @@ class TransportKind:
 
     def suits(self, said: RosArguments) -> bool:
         """Return True if the transport is chosen where none is named."""
-        told = said.distro is None and os.environ.get("ROS_DISTRO") not in _TELLING_NO_SENDER
-        return told or not self.is_of_a_distribution
+        is_told = said.distro is None and os.environ.get("ROS_DISTRO") not in _TELLING_NO_SENDER
+        return is_told or not self.is_of_a_distribution
 
     def make(self, name: str, said: RosArguments = _NOTHING_SAID, **options: Any) -> "Transport":
         """Join as node `name`; `options` are its class's own.
@@ -167,7 +167,7 @@ _KINDS = (
         "2",
         "ROS 2 where it is installed, with crtk_msgs",
         "rclpy_transport:RclpyTransport",
-        needs=("crtk_msgs.msg",),  # without it no state can be told
+        needs=("crtk_msgs.msg",),  # without it no state can be sent
         advice="Source the setup of a ROS 2 for this Python, and of crtk_msgs",
         is_of_a_distribution=True,
     ),

@@ -136,7 +136,7 @@ class _ReadTopic(HeardTopic):
         now, listed = time.monotonic(), self._node.get_publishers_info_by_topic(self._name)
         listed = [one for one in listed if current_name(one.topic_type) == self.type_name]
         with self._lock:
-            # one whose node is told later must not be two programs
+            # one whose node is discovered later must not be two programs
             named = [one for one in listed if not one.node_name.startswith(_NAMELESS)]
             named += [one for one in listed if now - self._seen.setdefault(bytes(one.endpoint_gid), now) > _NAMING]
             self._publishers = _origins(named)
@@ -165,18 +165,18 @@ class _ReadTopic(HeardTopic):
                 while (came := reader.handle.take_message(self._kind, True)) is not None:
                     self._receive(*came)
 
-    def _receive(self, data: bytes, told: Mapping[str, Any]) -> None:
-        which = sent, _ = told["source_timestamp"], told["publication_sequence_number"] or 0
+    def _receive(self, data: bytes, info: Mapping[str, Any]) -> None:
+        which = sent, _ = info["source_timestamp"], info["publication_sequence_number"] or 0
         if len(self._readers) > 1 and which in self._came:
             return
         self._came.append(which)
-        self.give(data, self._steady(), self._origin(told.get("publisher_gid")), sent)
+        self.give(data, self._steady(), self._origin(info.get("publisher_gid")), sent)
 
-    def _origin(self, told: Mapping[str, Any] | None) -> Origin | None:
+    def _origin(self, gid_field: Mapping[str, Any] | None) -> Origin | None:
         """Return the sender of a message: by rclpy since Kilted; before, it is known where one publishes alone."""
-        if told is None:
+        if gid_field is None:
             return next(iter(self._publishers.values())) if len(self._publishers) == 1 else None
-        gid = bytes(told["data"])
+        gid = bytes(gid_field["data"])
         if gid not in self._publishers:
             self.look()
         return self._publishers.get(gid)

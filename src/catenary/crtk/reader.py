@@ -151,9 +151,9 @@ class CrtkReader(NeverMoved):
     ) -> None:
         """Connect to a robot; nothing is sent, and the transport stays open when the client is closed.
 
-        One that speaks `crtk` is told by its `namespace`, such as /PSM1, and `joints`, such as a model: a RAVEN-II's
-        when None. A tick is `period` [s]; a state older than `stale_after` [s] is refused. Gravity comes from a topic
-        of `catenary gravity-node`, nominal when None; `simulated` says what topics do not.
+        One that speaks `crtk` is identified by its `namespace`, such as /PSM1, and `joints`, such as a model: a RAVEN-
+        II's when None. A tick is `period` [s]; a state older than `stale_after` [s] is refused. Gravity comes from a
+        topic of `catenary gravity-node`, nominal when None; `simulated` says what topics do not.
         """
         found = raven_joints(arm) if joints is None else joints
         self.joint_names, self.joint_units = found.joint_names, found.joint_units

@@ -16,7 +16,7 @@ from catenary.spatial import Pose, identity_pose
 
 _TOPICS, _TYPE = ("/tf_static", "/tf"), "tf2_msgs/TFMessage"
 _WAIT_S = 3.0  # [s] for transforms that are published now and then
-_MESSAGES = 5000  # messages of a recording that are looked at: what does not move was told by then
+_MESSAGES = 5000  # messages of a recording that are looked at: static transforms were sent by then
 _MOVED_BY = 1e-3  # [m, or of a rotation matrix] by which a frame moves against its parent
 
 

@@ -213,7 +213,7 @@ class Transport(ABC):
         return self._others(absolute(topic))
 
     def lost(self, topic: str) -> frozenset[str]:
-        """Return programs that went from a topic without ending it, as a crash does, where that can be told."""
+        """Return programs that went from a topic without ending it, as a crash does, where that is detectable."""
         return frozenset()
 
     def is_up(self) -> bool:

@@ -16,9 +16,9 @@ it is, and A + A_0 can always be inverted.
 
 Where it is known which frames take things up, a torque three standard deviations off what noise and P = (A + A_0)^-1
 let expect widens P by what a load there would change, P + V Q V^T, as a Kalman filter does whose state may jump, and
-A_0^-1 alike: beforehand nothing is known of a load, and what is not forgotten must not hold it. So the payload is told
-in the first pose, from all the joints that feel it, and what was learnt of the arm itself stays. Which frame has it is
-told with probabilities (load_location.py): one pose seldom tells.
+A_0^-1 alike: beforehand nothing is known of a load, and what is not forgotten must not hold it. So the payload is
+reported in the first pose, from all the joints that feel it, and what was learnt of the arm itself stays. Which frame
+has it is reported with probabilities (load_location.py): one pose seldom suffices.
 """
 
 from collections.abc import Callable, Sequence

@@ -251,4 +251,4 @@ def location_text(frames: Sequence[str], joint: str | None) -> str:
         return f"on {frames[0]}"
     names = f"{', '.join(frames[:-1])} and {frames[-1]}"
     how = f"move {joint}" if joint is not None else "no joint would, moved by itself"
-    return f"between {names}: cannot be told from these poses; {how}"
+    return f"between {names}: cannot be distinguished by these poses; {how}"

@@ -359,7 +359,7 @@ class BagFolder(FilesInARow):
         return [f"warning: {problem}" for problem in dict.fromkeys([*self.warnings, *self.damage])]
 
     def _each(self) -> Iterator[BagStream | SqliteBag]:
-        """Yield the files; where one is missing or damaged, nobody knows what lies between it and the next."""
+        """Yield the files; where one is missing or damaged, nothing is known of the stretch between it and the next."""
         self.holes = []
         for part in self.parts:
             yield part

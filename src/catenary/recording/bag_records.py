@@ -230,7 +230,7 @@ def _walk(data: NDArray[np.uint8], records: Records) -> int:
                 break
             length = stop - begin
             first = data[begin] if length else np.uint8(0)
-            # op=?, conn=????, time=????????: told apart by their first letter and length
+            # op=?, conn=????, time=????????: distinguished by their first letter and length
             if length == 4 and first == 111 and data[begin + 2] == 61:
                 row[0] = data[begin + 3]
             elif length == 9 and first == 99 and data[begin + 4] == 61:

@@ -134,14 +134,18 @@ def judged(
 
 def _as_if(mend: Mend, begun: Mend, seen: Iterable[Finding], known: Sequence[Finding]) -> list[Finding]:
     """Return findings that are not known, and say as if by which mend they were seen; none that the mend makes."""
-    told = {(finding.name, joint) for finding in known for joint in finding.joints or ("",)}
-    anew = [finding for finding in seen if told.isdisjoint((finding.name, joint) for joint in finding.joints or ("",))]
+    known_names = {(finding.name, joint) for finding in known for joint in finding.joints or ("",)}
+    new = [
+        finding
+        for finding in seen
+        if known_names.isdisjoint((finding.name, joint) for joint in finding.joints or ("",))
+    ]
     if mend == begun:
-        return anew
+        return new
     made = {*(name for name, kind in FINDINGS.items() if kind.learning), *(("missing",) if mend.leave_out else ())}
     shown = f" (seen as if mended by {' '.join(mend.options)})"
-    anew = [finding for finding in anew if finding.name not in made and (finding.refuses or finding.name != "delay")]
-    return [replace(finding, says=finding.says + shown) for finding in anew]
+    new = [finding for finding in new if finding.name not in made and (finding.refuses or finding.name != "delay")]
+    return [replace(finding, says=finding.says + shown) for finding in new]
 
 
 def _late(delays: KnownDelays, mend: Mend, pairs: Pairs, place: Integers) -> list[Finding]:
@@ -185,7 +189,7 @@ def _relation(
     turns, pairs = turn_findings(pairs)
     place = joints_in_place(pairs)
     still, stuck = sensor_findings(pairs, place)
-    # a sensor that stands still lies behind more and more
+    # a sensor that stands still is delayed more and more
     moving = replace(pairs, log=replace(pairs.log, ok=pairs.log.ok & ~stuck)) if stuck.any() else pairs
     late = [] if late_of is None else late_of(moving, place)
     swapped, single = correspondence_findings(pairs, place)
@@ -222,7 +226,7 @@ def robot_of(logs: Sequence[MotionLog], robot: str | None = None) -> RobotModel 
 
 
 class Passed(NamedTuple):
-    """What there is to say of recordings that may be used, and by how much their measurements lie behind."""
+    """What there is to say of recordings that may be used, and the delay of their measurements."""
 
     notes: list[str]
     delays: list[Delay | None]  # of each; None where it is not known
@@ -326,8 +330,8 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
             says = [f"{share:.0%} of its motion is in the data twice, digit by digit"]
         if says:
             culprit = "one recording copied, joined to itself, or read at another rate"
-            told = f"{says[0]}: it is no test of a fit to it"
-            found.append((log.name, Finding("twice", (), told, culprit, refuses=False)))
+            reason = f"{says[0]}: it is no test of a fit to it"
+            found.append((log.name, Finding("twice", (), reason, culprit, refuses=False)))
     return found
 
 

@@ -16,7 +16,7 @@ _MIN_UNEXPLAINED = 1e-3  # unexplained share that counts as none: a smaller one 
 _MIN_CORRELATION = 0.5  # least correlation, of either sign, of a measurement that follows its command
 _SAME_SPREAD_RATIO = 0.5  # spread of a measurement over that of its command, from which on it moves on its own
 _MIN_SLOPE, _MAX_UNEXPLAINED = 0.25, 0.5  # from which on a measurement follows its command behind slack
-_MIN_SPREAD_DEG_MM = 1.0  # [deg, mm] of a motion from which a correlation can be told
+_MIN_SPREAD_DEG_MM = 1.0  # [deg, mm] of a motion from which a correlation is significant
 _NEAR_DEG_MM = 0.5  # [deg, mm] distance between command and measurement below which nearer is no better
 # of the rows, on which a measurement is its command to the last bit: no sensor agrees so well on one
 _COPIED_SHARE = 0.5
@@ -42,7 +42,7 @@ def joints_in_place(pairs: Pairs) -> Integers:
     unexplained = np.log(np.maximum(1.0 - pairs.correlation[inside] ** 2, _MIN_UNEXPLAINED))
     found = _assigned(unexplained)
     if (found == np.arange(len(moving))).all():
-        # commands that move as one are told apart by where they stand, in the same units
+        # commands that move as one are distinguished by where they stand, in the same units
         units = np.array(pairs.log.joint_units)
         apart = np.array([np.median(np.abs(m[:, None] - pairs.q), axis=0) for m in pairs.m.T])
         distances = np.where(units[:, None] == units, np.log(np.maximum(apart, _NEAR_DEG_MM)), np.log(1e6))
@@ -148,17 +148,17 @@ def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
         said.append(f"{pairs.names[i]}: alone its own leaves {alone:.0%} of its variance, all together {together:.1%}")
     if said and not refuses:
         names = tuple(text.partition(":")[0] for text in said)
-        told = f"measurements follow several joints' commands ({'; '.join(said)})"
-        yield Finding("mixed", names, told, "friction that joints share", refuses=False)
+        says = f"measurements follow several joints' commands ({'; '.join(said)})"
+        yield Finding("mixed", names, says, "friction that joints share", refuses=False)
     elif said:
         names, one = tuple(text.partition(":")[0] for text in said), np.eye(len(matrix))
-        told = f"measurements are sums of commands ({'; '.join(said)}), by {', '.join(entries)}"
+        says = f"measurements are sums of commands ({'; '.join(said)}), by {', '.join(entries)}"
         if np.linalg.cond(matrix) > _MAX_CONDITION:
-            yield Finding("mixed", names, told, "one sum in the place of several joints, which nothing parts")
+            yield Finding("mixed", names, says, "one sum in the place of several joints, which nothing parts")
             return
         turned = _couple(matrix - one, pairs.names)
         culprit = f"motor positions, or another frame; if the robot reports these, --couple q_nominal:{turned}"
-        yield Finding("mixed", names, told, culprit, f"--couple {_couple(np.linalg.inv(matrix) - one, pairs.names)}")
+        yield Finding("mixed", names, says, culprit, f"--couple {_couple(np.linalg.inv(matrix) - one, pairs.names)}")
 
 
 def _entries(X: Floats, y: Floats) -> tuple[Floats, Floats]:

@@ -1,4 +1,4 @@
-"""The delay between commands and measurements, with an interval, told from the hysteresis of cables.
+"""The delay between commands and measurements, with an interval, separated from the hysteresis of cables.
 
 Each joint's measurement is explained by what a cable-driven joint does at any speed: a smooth function of all commands,
 and play states of its own command (Prandtl-Ishlinskii) with weights that are not negative, for friction holds a joint
@@ -60,7 +60,7 @@ _STEPS_ASIDE_S = 0.001 * 2.0 ** np.arange(11)  # [s] from the best, between whic
 
 @dataclass(frozen=True)
 class Delay:
-    """By how much measurements lie behind their commands; negative where they lead."""
+    """Delay of measurements behind their commands; negative where they lead."""
 
     seconds: float  # rows where the recording has no stamps; in the middle of the recording where it changes
     low: float  # of its interval
@@ -91,7 +91,7 @@ class Delay:
         """Return the delay and its uncertainty as text."""
         between = f"any between {self.low:+.3f} and {self.high:+.3f} {self.unit}"
         if self.sure == "unknown":
-            return "whether measurements lie behind commands is not known: too few rows in motion"
+            return "the delay of measurements is not known: too few rows in motion"
         if self.sure == "none":
             hidden = f"{between} would hide in hysteresis here{self._single}"
             return f"no delay found between commands and measurements; {hidden}"
@@ -104,9 +104,9 @@ class Delay:
         """Return the sentence on delays of one joint alone that the recording leaves open."""
         most = _UNTOLD[self.unit]
         wide = [joint for joint in self.alone if joint[2] - joint[1] > SHARP[self.unit]]
-        told = [f"{joint} {low:+.2f} to {high:+.2f}" for joint, low, high in wide if high - low <= most]
+        ranges = [f"{joint} {low:+.2f} to {high:+.2f}" for joint, low, high in wide if high - low <= most]
         untold = [joint for joint, low, high in self.alone if high - low > most]
-        alone = f"; of one joint alone, {', '.join(told)} {self.unit}" if told else ""
+        alone = f"; of one joint alone, {', '.join(ranges)} {self.unit}" if ranges else ""
         more = f"; of {', '.join(untold)} alone, any: half a minute of random motion would tell" if untold else ""
         return alone + more
 
@@ -165,7 +165,7 @@ def delay_of(
     alone = []
     for i, cost, each in zip(joints, costs[:, :, 0], own_worth, strict=True):
         first, last = _interval(grid, cost, CERTAIN_SIGMAS**2 / each)
-        # the delay of all is every joint's, too, until joints are told apart
+        # the delay of all is every joint's, too, until joints are separated
         alone.append((log.joint_names[i], min(first, low), max(last, high)))
     near_low, near_high = _interval(grid, total, _LIKELY_SIGMAS**2 / worth)
     sure: Literal["certain", "likely", "none"] = "none"

@@ -33,16 +33,16 @@ _NEAR_TURN_SHARE = 0.2  # of a half turn, within which an error is a turn: wrist
 _MIN_NEAR_SHARE = 0.9  # of the rows, that stand near some turn: numbers in degrees lie anywhere
 _MIN_TURNED_SHARE = 0.05  # of the rows: fewer are single wild measurements
 _WRAP_RANGE = 1.05  # times its period, that a counter that wraps reaches at most
-# A drift is told where it is this many standard errors, of the rows' own and of their whole error's deviations. The
+# A drift is reported where it is this many standard errors, of the rows' own and of their whole error's deviations. The
 # first rows, in which nobody knows on which side of its slack a joint lies, do not count. Untouched real runs of half
 # a minute drift by up to 3.3 of their rows' deviations and 9 standard errors, but by 0.08 of the error's.
 _DRIFT_STANDARD_ERRORS, _DRIFT_ROW_SIGMAS, _DRIFT_ERROR_SIGMAS, _LEAP_ERROR_SIGMAS = 8.0, 2.0, 0.1, 0.25
-# In fewer rows, or with fewer reversals, slack and friction are hardly told from a zero that moves: windows of two
+# In fewer rows, or with fewer reversals, slack and friction are hardly separable from a zero that moves: windows of two
 # minutes of a real wrist's poses stray by up to 20 deviations.
 _MIN_DRIFT_ROWS, _MANY_ROWS, _MANY_REVERSALS, _FEW_ROW_SIGMAS = 400, 1000, 12, 25.0
 _BEGINNING_SHARE, _PARTS, _MAX_ROWS = 0.15, 20, 2000
 _LEAP_EDGES = np.linspace(0.15, 0.85, 15)  # of the rows that count, at which a leap is tried
-_ZEROED_CULPRIT = "an encoder, camera or robot that was zeroed anew half-way, or a slipped cable"
+_ZEROED_CULPRIT = "an encoder, camera or robot that was zeroed again half-way, or a slipped cable"
 
 
 def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:

@@ -38,7 +38,7 @@ class Mend:
     unwrap: tuple[str, ...] = ()  # "J5=0.0022" each: the whole periods that q_encoder is from q_nominal come off
     scale: tuple[str, ...] = ()  # "J3=0.5" each: the column of q_encoder times that; "tau:J3=0.5" of another array
     offset: tuple[str, ...] = ()  # "q_nominal:J3=0.1" each: add that to the column [rad, m, Nm or N]
-    delay: float = 0.0  # by which the measurement lies behind the command [s]
+    delay: float = 0.0  # delay of the measurement [s]
     # "J2/J1=0.145" each: the column of J2 becomes itself and 0.145 times that of J1 as recorded; "tau:J1/J2=-0.145"; of
     # q_nominal, qd and q_reported go with it
     couple: tuple[str, ...] = ()
@@ -349,6 +349,6 @@ def left_out_rows(log: MotionLog) -> Flags:
 
 
 # units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps; rows
-# that stand still are told among measurements that were brought into time
+# that stand still are found among measurements that were brought into time
 _IN_ORDER = (_units, _time_unit, _swap, _sign, _unwrap, _scale, _offset, _couple, _clock, _delay, _shift, _leave_out)
 _STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {step.__name__.strip("_"): step for step in _IN_ORDER}

@@ -19,7 +19,7 @@ _MAX_LAG_S = 2.0  # [s] the lag that is looked for where rows are dense: cables,
 _WINDOWS = 6  # along the recording
 _MIN_WINDOW_ROWS = 200  # rows of a window, below which there is one
 _MOVED_DEG_MM = 5.0  # [deg, mm] least range of a joint within a window
-_MIN_CLEAR_WINDOWS = 3  # in which a lag must be clear for two clocks to be told from one shift
+_MIN_CLEAR_WINDOWS = 3  # in which a lag must be clear to separate two clocks from one shift
 _MAX_PAIRS = 3000  # rows that a lag is judged by
 _MIN_UNEXPLAINED = 1e-6  # unexplained, that counts as none
 _APART_LAG_ROWS = 3  # rows by which lags must differ along the recording
@@ -113,7 +113,7 @@ def _clock(says: str, found: Delay | None) -> Finding:
 
 
 def _lag(log: MotionLog, place: Integers, part: slice, stride: int) -> int:
-    """Return by how many rows a part's measurement lies behind its command; 0 unless clearly, and farther than near."""
+    """Return the delay of a part's measurement in rows; 0 unless clear, and larger than near."""
     assert log.q_encoder is not None
     scale = scales(log)
     q, m, ok = (scale * log.q_nominal)[part], (scale * log.q_encoder)[part], log.ok[part]

@@ -33,7 +33,7 @@ _MISSING_SHARE = 0.03  # of the rows without a measurement: fewer hide little
 # times what 95 % lie below, the largest errors, mean of joints: 1.01 to 1.2 where cut, else 1.22 and more
 _SHARP_RATIO = 1.2
 # of pairs of a row with a measurement and one without, that motion tells apart; chance is half
-_TOLD_APART_SHARE = 0.75
+_SEPARATED_SHARE = 0.75
 _ABSENT_STEPS = 1.75  # usual steps between stamps, from which on rows are absent between
 _SMOOTH_SHARE = 0.5  # share of the way between rows that these may be off a straight line, for absent ones to lie there
 _TINY_COMMAND_SI = 1e-6  # [rad, m] of a command that is not zero
@@ -79,12 +79,12 @@ def _held(pairs: Pairs) -> list[Finding]:
     """Note readings that are written again and again until the next one comes."""
     moved = np.abs(np.diff(pairs.q, axis=0)).max(axis=1)
     repeats = (np.diff(pairs.m, axis=0) == 0.0).all(axis=1) & (moved > 0.0)
-    anew = ~repeats & (moved > 0.0)
-    caught_up = anew & np.concatenate([[False], repeats[:-1]])
+    new = ~repeats & (moved > 0.0)
+    caught_up = new & np.concatenate([[False], repeats[:-1]])
     if (
         repeats.mean() < _HELD_SHARE
         or not caught_up.any()
-        or np.median(moved[repeats]) < _HELD_SPEED_RATIO * np.median(moved[anew])
+        or np.median(moved[repeats]) < _HELD_SPEED_RATIO * np.median(moved[new])
     ):
         return []
     jumps = np.abs(np.diff(pairs.m, axis=0)).max(axis=1)[caught_up]
@@ -225,15 +225,15 @@ def missing_findings(log: MotionLog) -> list[Finding]:
     speed = speed / np.maximum(np.abs(speed).max(axis=0), 1e-12)
     held = [play(np.ascontiguousarray(x), 0.03) - x for x in q.T]  # which side of its slack a joint is on
     X = np.column_stack([np.ones(len(q)), q, q**2, np.abs(speed), np.sign(speed), *held])
-    told = _told_apart(X @ np.linalg.lstsq(X, missing.astype(float), rcond=None)[0], missing)
-    how = [f"motion tells them apart in {told:.0%} of pairs"] if told >= _TOLD_APART_SHARE else []
+    share = _separation(X @ np.linalg.lstsq(X, missing.astype(float), rcond=None)[0], missing)
+    how = [f"motion separates them in {share:.0%} of pairs"] if share >= _SEPARATED_SHARE else []
     if log.q_encoder is not None and q.shape[1] > 2:
         errors = (log.q_encoder - log.q_nominal)[log.ok]
         away = np.abs(errors - np.median(errors, axis=0))
         usual = np.maximum(np.quantile(away, 0.95, axis=0), 1e-12)
         if log.ok.all():  # rows that are absent singly: errors there are about those of their neighbours
             size = np.interp(np.arange(len(q)), np.flatnonzero(~missing), np.linalg.norm(away / usual, axis=1))
-            if (beside := _told_apart(size, missing)) >= _TOLD_APART_SHARE:
+            if (beside := _separation(size, missing)) >= _SEPARATED_SHARE:
                 how.append(f"errors next to them are larger in {beside:.0%} of pairs")
         else:
             times = float(np.exp(np.mean(np.log(np.maximum(away.max(axis=0) / usual, 1.0)))))
@@ -248,7 +248,7 @@ def missing_findings(log: MotionLog) -> list[Finding]:
     return [Finding("missing", (), says, "a sensor that fails in some motions, or rows cut out", refuses=False)]
 
 
-def _told_apart(score: Floats, missing: Flags) -> float:
+def _separation(score: Floats, missing: Flags) -> float:
     """Return the share of pairs of a missing row and another in which the missing one's score is larger."""
     order = np.argsort(np.argsort(score))
     return float((order[missing].mean() - (missing.sum() - 1) / 2.0) / (~missing).sum())  # Mann and Whitney's share

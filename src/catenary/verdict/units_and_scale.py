@@ -140,20 +140,20 @@ def within_reason(log: MotionLog, robot: RobotModel | None) -> tuple[MotionLog, 
     """Find rows far beyond where an arm can be, few of a joint's, and return the recording with those left out."""
     low, high = limits_of(log, robot, MAX_POSITIONS)
     low, high = 2.0 * low - high, 2.0 * high - low
-    told = [values for values in (log.q_nominal, log.q_encoder) if values is not None]
+    arrays = [values for values in (log.q_nominal, log.q_encoder) if values is not None]
     with np.errstate(invalid="ignore"):
-        far = np.any([(values < low) | (values > high) for values in told], axis=0)
+        far = np.any([(values < low) | (values > high) for values in arrays], axis=0)
     few = far.mean(axis=0) < _FEW_SHARE  # else in another unit, or another joint's
     far &= few
     if not far.any():
         return log, []
-    limited = [np.clip(values, np.where(few, low, -np.inf), np.where(few, high, np.inf)) for values in told]
+    limited = [np.clip(values, np.where(few, low, -np.inf), np.where(few, high, np.inf)) for values in arrays]
     measured = None if log.q_encoder is None else limited[1]
     left = replace(log, ok=log.ok & ~far.any(axis=1), q_nominal=limited[0], q_encoder=measured)
     far &= log.ok[:, None]
     rows, joints = np.flatnonzero(far.any(axis=1)), np.flatnonzero(far.any(axis=0)).tolist()
     runs = [f"{run[0]}:{run[-1] + 1}" for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(run)]
-    most = [max(float(np.nanmax(np.abs(values[far[:, j], j]))) for values in told) for j in joints]
+    most = [max(float(np.nanmax(np.abs(values[far[:, j], j]))) for values in arrays) for j in joints]
     says = ", ".join(f"up to {x:.3g} {log.joint_units[j]}" for j, x in zip(joints, most, strict=True))
     says = f"{len(rows)} row(s) where no arm can be: {says}"
     culprit, remedy = "damaged bytes, or a number that means missing", f"--leave-out {','.join(runs[:_MAX_RUNS])}"

@@ -404,7 +404,7 @@ def payload_of_files(
     loaded, empty = samples[: len(logs)], samples[len(logs) :]
     best, *candidates = payload_candidates(result, loaded, at=at, unloaded=empty)
     if best.rival:
-        notes.append(f"a load on {best.link} cannot be told from {best.rival}")
+        notes.append(f"a load on {best.link} cannot be distinguished from {best.rival}")
     if best.mass is None:
         notes.append("the motion shows only mass times place, not the mass by itself; give its place with --at")
     return PayloadResult(best, tuple(candidates), tuple(notes))

@@ -63,7 +63,7 @@ def test_all_episodes_stand_one_behind_the_other_with_the_names_of_the_joints(
 ) -> None:
     path = dataset(tmp_path / "lab", version, names=names)
     proposal = propose_mapping(path, units="rad")
-    assert "not what it was told (action)" in proposal.toml
+    assert "not what it was commanded (action)" in proposal.toml
     log = import_recording(path, accept_proposal=True, units="rad")
     assert (log.name, log.joint_names) == ("lab", JOINTS)
     expected = np.vstack([state(rows, k) for k, rows in enumerate(LENGTHS)])

@@ -82,7 +82,7 @@ def test_a_first_line_that_tells_spreadsheets_the_separator_is_no_line_of_names(
 
 def test_a_unit_of_time_that_cannot_be_told_is_asked(tmp_path: Path) -> None:
     table = write_csv(tmp_path / "lab.csv", ["t", "q1", "q2"], [np.arange(600.0), Q[:, 0], Q[:, 1]])
-    with pytest.raises(InputError, match=r"unit of time t cannot be told, rows are 1 apart.*ms \(1000 Hz\)"):
+    with pytest.raises(InputError, match=r"unit of time t cannot be inferred, rows are 1 apart.*ms \(1000 Hz\)"):
         import_recording(table, ["q_nominal=q1,q2"], units="rad")
     log = import_recording(table, ["q_nominal=q1,q2", "time=t@ms"], units="rad")
     assert log.time[-1] == pytest.approx(0.599)

@@ -73,7 +73,7 @@ def test_whole_numbers_of_no_known_clock_are_asked_in_every_container_and_read_a
     path = TABLES[container](tmp_path / "lab", table(np.rint(T * RATES[unit])))
     (question,) = [each for each in propose_mapping(path, units="rad").questions if "unit of time" in each]
     assert "--answer time_unit=ms" in question
-    with pytest.raises(InputError, match="unit of time time cannot be told"):
+    with pytest.raises(InputError, match="unit of time time cannot be inferred"):
         import_recording(path, ["q_nominal=q1,q2"], units="rad")
     answered = propose_mapping(path, units="rad", answers={"time_unit": UNKNOWN[unit]})
     assert f'time_unit = "{UNKNOWN[unit]}"' in answered.toml
@@ -137,7 +137,7 @@ def test_a_time_since_a_start_is_no_date(since: float, rate: int) -> None:
     """Of 12 days in ms, 20 minutes in us and 1 s in ns each number is one of seconds since 1970."""
     stamp = np.rint((T + since) * rate) if rate > 1 else T + since
     if rate > 1:
-        with pytest.raises(InputError, match="cannot be told"):
+        with pytest.raises(InputError, match="cannot be inferred"):
             read(stamp)
     else:
         assert read(stamp)[0] == pytest.approx(since + T[0])
@@ -159,7 +159,7 @@ def test_a_name_tells_the_unit_of_whole_numbers(name: str, unit: int) -> None:
 
 @pytest.mark.parametrize("name", ["times", "ts"])
 def test_a_plural_is_no_unit(name: str) -> None:
-    with pytest.raises(InputError, match="cannot be told"):
+    with pytest.raises(InputError, match="cannot be inferred"):
         read(np.rint(1000 * T), name=name)
 
 

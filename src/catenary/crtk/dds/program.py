@@ -78,7 +78,7 @@ def ros_type(name: str) -> str:
 class Distribution(NamedTuple):
     """A distribution of ROS 2, as its programs find each other."""
 
-    gid: int  # bytes by which a program or a topic's end is told in ros_discovery_info
+    gid: int  # bytes that identify a program or endpoint in ros_discovery_info
     has_hashes: bool  # topics' ends carry a hash of their type, which ROS 2 warns without
 
     def said_of(self, type_hash: str) -> str:
@@ -362,12 +362,12 @@ class Directory:
                     ids = sample.key.bytes, sample.participant_key.bytes
                     known[handle] = Endpoint(*ids, sample.topic_name, sample.type_name, quality)
                     came.append(known[handle])
-        for told in taken(self._discovery):
-            if told.sample_info.valid_data:
+        for message in taken(self._discovery):
+            if message.sample_info.valid_data:
                 self.changes += 1
-                self._nodes[bytes(told.gid.data)[:16]] = {
+                self._nodes[bytes(message.gid.data)[:16]] = {
                     bytes(gid.data)[:16]: f"{node.node_namespace.rstrip('/')}/{node.node_name}"
-                    for node in told.node_entities_info_seq
+                    for node in message.node_entities_info_seq
                     for gid in (*node.reader_gid_seq, *node.writer_gid_seq)
                 }
         return came
@@ -428,9 +428,9 @@ class Program:
             self.gid: bytes = self._participant.guid.bytes
             topic = Topic(self._participant, DISCOVERY, discovery_types(distribution.gid)[-1])
             self._presence = DataWriter(self._participant, topic, profile(Quality(is_latched=True), 1))
-            # more than one of them is kept, since programs are not told apart
-            told = DataReader(self._participant, topic, profile(Quality(is_latched=True), _TAKEN_AT_ONCE))
-            self.directory = Directory(self._participant, told, (self.gid, self.node))
+            # more than one of them is kept, since programs are not distinguished
+            data_reader = DataReader(self._participant, topic, profile(Quality(is_latched=True), _TAKEN_AT_ONCE))
+            self.directory = Directory(self._participant, data_reader, (self.gid, self.node))
             self._waitset = WaitSet(self._participant)
         except DDSException as error:
             raise TransportError(f"DDS: {error}") from error

@@ -49,7 +49,7 @@ class Master:
         self._caller = caller
 
     def pid(self) -> int:
-        """Process number, by which a master that was restarted is told from the one before."""
+        """Process number, which distinguishes a restarted master from the one before."""
         return int(self.ask(self.uri, "getPid"))
 
     def node(self, name: str) -> str | None:

@@ -61,7 +61,7 @@ def service_class(name: str) -> type:
 
 
 _LOOK_EVERY_S = 0.5  # [s] between looks at the master
-_END_WITHIN_S = 5.0  # [s] a program waits at its end, and that of a topic, until the master has been told
+_END_WITHIN_S = 5.0  # [s] a program waits at its end, and that of a topic, until the master has been informed
 _logger = logging.getLogger(__name__)
 _node: "Node | None" = None
 
@@ -212,7 +212,7 @@ class Node:
 
 
 def _end() -> None:
-    """Shut the node down; where another thread does, as after `rosnode kill`, wait until the master has been told."""
+    """Shut the node down; where another thread does, as after `rosnode kill`, wait until the master is informed."""
     if _node is not None:
         _node._tell(lambda: rospy.signal_shutdown("the program ends"))
     if rospy.core._shutdown_lock.acquire(timeout=_END_WITHIN_S):

@@ -47,7 +47,7 @@ class CommandSource:
     def __init__(
         self, transport: Transport, topic: CrtkTopic, reports: Reports, *, begin: int, waits: bool, old: Set[str]
     ) -> None:
-        """Begin at a time [ns]; it `waits` where the topic was published then, by `old` processes as far as is told."""
+        """Begin at a time [ns]; it `waits` where the topic was published then, by `old` processes if known."""
         self.topic = topic
         self._transport = transport
         self._reports = reports
@@ -132,6 +132,6 @@ class CommandSource:
             kind, reason = "after a break", "said while its client was not connected"
         else:
             return True
-        text = f"{reason}, so this may be an old command: not obeyed, send it anew"
+        text = f"{reason}, so this may be an old command: not obeyed, send it again"
         self._reports.say(f"{self.topic.name}: {kind}", text, now)
         return False

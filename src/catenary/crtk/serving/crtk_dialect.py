@@ -93,7 +93,7 @@ _BUSY_EVERY_TICKS = 100  # ticks between two operating states of an arm that is 
 _STATES = ("current_state", "desired_state", "operating_state")  # verbs, in this order with each state command
 _STATE = Event(
     lambda arm: (arm.state, arm.tick // _BUSY_EVERY_TICKS if arm.state.is_busy else 0),
-    lambda told, stamp: operating_state_message(told[0], stamp),
+    lambda state, stamp: operating_state_message(state[0], stamp),
 )
 _EVENTS = {  # a dVRK's
     "current_state": Event(_current_state, lambda state, _: _Text(state)),
@@ -102,7 +102,7 @@ _EVENTS = {  # a dVRK's
         lambda arm: arm.moves_ended if arm.moves_ended[0] else None, lambda ended, _: _Switch(ended[1])
     ),
     "period_statistics": Event(
-        lambda arm: arm.statistics, lambda told, stamp: message_class(STATISTICS)(header(stamp), *told)
+        lambda arm: arm.statistics, lambda numbers, stamp: message_class(STATISTICS)(header(stamp), *numbers)
     ),
     "endoscope_type": Event(lambda _: _ENDOSCOPE, lambda tool, _: _Text(tool)),
     "gripper/closed": Event(lambda arm: _master(arm).is_closed, lambda closed, _: _Switch(closed)),

@@ -92,7 +92,7 @@ class Dialect:
         return None
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
-        """Have the arm of a topic do as told, unless it is in no state to be moved; state commands are the server's."""
+        """Have the arm of a topic obey, unless it is in no state to be moved; state commands are the server's."""
         do = self._obeyed.get(topic.verb)
         if topic.arm is None or do is None:
             raise InputError("the robot has no such arm")

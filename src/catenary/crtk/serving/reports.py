@@ -33,7 +33,7 @@ class Reports:
     ) -> None:
         """Count a trouble of a kind, such as "/arm1/servo_jr: refused"; log it unless one was logged within 5 s.
 
-        Clients of the arms in `to` are told when it is logged, with `each` each time; `now` in ns.
+        Clients of the arms in `to` are notified when it is logged, with `each` each time; `now` in ns.
         """
         text = text[:_TEXT_CHARACTERS]
         report = self.kinds.setdefault(kind, Report(text))
@@ -52,9 +52,9 @@ class Reports:
 
     def take_told(self) -> list[tuple[str, str]]:
         """Return the new reports for clients of arms, the latest 20."""
-        told = list(self._told)
+        reports = list(self._told)
         self._told.clear()
-        return told
+        return reports
 
     def take(self) -> list[str]:
         """Return the new log lines, the latest 20."""

@@ -115,7 +115,7 @@ class ServedArm:
         self._takes_positions = "servo_jp" in plant.supports
         self.refresh()
 
-    # what it is told
+    # commands
 
     @property
     def is_ready(self) -> bool:

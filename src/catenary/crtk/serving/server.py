@@ -123,7 +123,7 @@ class _Periods:
 
     def __init__(self, period: float) -> None:
         self._period, self._ticks = period, list[tuple[float, float]]()  # when they began and took [s]
-        self.told: tuple[float, ...] | None = None  # of the last whole second, in the message's order
+        self.reported: tuple[float, ...] | None = None  # of the last whole second, in the message's order
 
     def add(self, began: float, took: float) -> None:
         """Add a tick."""
@@ -133,7 +133,7 @@ class _Periods:
         when, took_all = np.array(self._ticks).T
         periods, overruns = np.diff(when), int(np.sum(took_all > self._period))
         moments = [f(row) for row in (periods, took_all[1:]) for f in (np.mean, np.std, np.min, np.max)]
-        self.told = (*map(float, moments), len(periods), overruns, float(when[-1] - when[0]), 0)
+        self.reported = (*map(float, moments), len(periods), overruns, float(when[-1] - when[0]), 0)
         self._ticks = self._ticks[-1:]
 
 
@@ -230,9 +230,9 @@ class Server:
             for name, arm in self.arms.items():
                 self._pause_abandoned(arm, self._commanders[name], now)
         self._periods.add(now / SECOND, perf_counter() - began)
-        if self._periods.told is not None:
+        if self._periods.reported is not None:
             for arm in self.arms.values():
-                arm.statistics = self._periods.told
+                arm.statistics = self._periods.reported
 
     def require_alone(self) -> None:
         """Refuse to begin beside another robot of this name, which may have been announced at the same time."""

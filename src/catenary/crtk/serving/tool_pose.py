@@ -3,7 +3,7 @@
 `measured_cf`, `servo_cf` and `jacobian` are about the tool's point, in base axes. Below `body/` they are about the same
 point in the tool's own axes (in base axes after `body/set_cf_orientation_absolute`, as the dVRK has it for haptic
 devices); below `spatial/` about the base's origin, in base axes. Forces are those that the robot exerts on what it
-touches: an arm that rests against something and is told a servo_cf measures it as its measured_cf.
+touches: an arm that rests against something and gets a servo_cf measures it as its measured_cf.
 [collaborative-robotics.github.io, robot motion: spatial and body; cisst-saw: set_cf_orientation_absolute]
 
 What is measured are torques of the motors' commands less those that hold the arm's own weight. What friction of drives

@@ -1,6 +1,6 @@
-"""Groups of columns that may be one quantity of all joints, or a marker's pose, told by their names, types and ranges.
+"""Groups of columns that may be one quantity of all joints, or a marker's pose, inferred from names, types and ranges.
 
-Without names they are told by how they move: velocities are derivatives of positions.
+Without names they are inferred from their motion: velocities are derivatives of positions.
 """
 
 import re
@@ -57,11 +57,11 @@ class MovingColumns(NamedTuple):
     left: tuple[str, ...] = ()  # what is left, where it is not
 
     def said(self) -> str:
-        """Return in words how they were told."""
-        told = f"{ends(self.qd)} are the derivatives of {ends(self.q)}, and were taken for qd"
-        told += f"; {ends(self.again)} have the same" if self.again else ""
-        told += f"; {ends(self.tau)} are what is left, and were taken for tau" if self.tau else ""
-        return told + (f"; {ends(self.left)} are left, and were not taken" if self.left else "")
+        """Return the reason of the inference, as text."""
+        text = f"{ends(self.qd)} are the derivatives of {ends(self.q)}, and were taken for qd"
+        text += f"; {ends(self.again)} have the same" if self.again else ""
+        text += f"; {ends(self.tau)} are what is left, and were taken for tau" if self.tau else ""
+        return text + (f"; {ends(self.left)} are left, and were not taken" if self.left else "")
 
 
 @dataclass(frozen=True)
@@ -204,8 +204,8 @@ def _role_in_file(one: Candidate) -> Role:
 def ok_columns(stream: Stream) -> list[str]:
     """Return columns of a table that say by name and content where a measurement can be trusted; open cells say no."""
     named = {name: values for name, values in stream.columns.items() if set(_words(name)) & _SETS["ok"]}
-    told = {name: values[np.isfinite(values)] for name, values in named.items()}
-    return [name for name, values in told.items() if len(values) and np.isin(values, (0, 1)).all()]
+    finite = {name: values[np.isfinite(values)] for name, values in named.items()}
+    return [name for name, values in finite.items() if len(values) and np.isin(values, (0, 1)).all()]
 
 
 def _of_topic(stream: Stream) -> list[Candidate]:
@@ -460,7 +460,7 @@ class PoseColumns(NamedTuple):
 
 
 def poses_of(streams: Sequence[Stream]) -> list[PoseColumns]:
-    """Return the poses that move, but the robot's own of its tool and those that it was told."""
+    """Return the poses that move, but the robot's own of its tool and commanded ones."""
     found = []
     for stream in streams:
         place, _, verb = stream.name.removesuffix("/").rpartition("/")

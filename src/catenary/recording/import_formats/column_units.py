@@ -1,4 +1,4 @@
-"""Units of columns: as stated or as told by names, message types, the robot and ranges; and what makes them SI.
+"""Units of columns: stated, or inferred from names, message types, the robot and ranges; factors to SI.
 
 A mapping that states no units and a proposal ask the same functions, so that they give the same answer.
 """
@@ -31,7 +31,7 @@ _IN_WORDS = {"rad": ("rad", "deg"), "m": ("m", "mm")}
 
 
 def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -> tuple[Units, str, bool]:
-    """Return the units of q_nominal, how they were told, and whether they are sure."""
+    """Return the units of q_nominal, how they were inferred, and whether they are certain."""
     n = len(one.columns)
     if given is not None:
         units = tuple(unit.strip() for unit in given.split(",") if unit.strip())
@@ -54,13 +54,13 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         found = {(base, unit) for base, unit, (low, high) in each if unit is not None and high > low}
         if mixed := len(found) > len({base for base, _ in found}):  # no arm has angles in both rad and deg
             within = list(its) if is_ros else within
-        told = all(unit is not None for unit in within)
+        is_within = all(unit is not None for unit in within)
         units = tuple(
             fits or _IN_WORDS[unit][is_large if unit == "rad" else size > _MAX_SLIDE_M]
             for fits, unit, size, is_large in zip(within, its, sizes, large, strict=True)
         )
-        by = "its limits" if told else "the range"
-        is_sure = is_ros or (not mixed and (told or not any(large)))
+        by = "its limits" if is_within else "the range"
+        is_sure = is_ros or (not mixed and (is_within or not any(large)))
         return units, f"by the robot {model.name} and {by}", is_sure
     names = map(str.lower, one.joints)
     slides = [any(word in n for word in _SLIDING) and not any(word in n for word in _TURNING) for n in names]
@@ -105,7 +105,7 @@ def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> st
 def encoder_units(
     one: Candidate, nominal: Candidate, nominal_in: Sequence[str], given: str | None
 ) -> tuple[Units, str, bool]:
-    """Return the units of q_encoder, how they were told, and whether they are sure."""
+    """Return the units of q_encoder, how they were inferred, and whether they are certain."""
     if (stated := one.stated_units()) is not None:
         return stated, "by the names of the columns", True
     if given is not None:
@@ -140,20 +140,20 @@ def joint_units_of(
         return stated, mapping.q_nominal.units, False, []
     if mapping.joint_units and model is None:
         return given or (), None, False, []
-    told, why, is_sure = nominal_units(one, model, None)
+    guess, why, is_sure = nominal_units(one, model, None)
     if is_sure:
-        si = tuple(SI[unit][0] for unit in told)
+        si = tuple(SI[unit][0] for unit in guess)
         if given is not None and si != given:
             raise InputError(
-                f"q_nominal: its units are {', '.join(told)}, {why}, but the joints' are {', '.join(given)}"
+                f"q_nominal: its units are {', '.join(guess)}, {why}, but the joints' are {', '.join(given)}"
             )
-        return si, told, True, [f"q_nominal: its units were not stated; taken in {', '.join(told)}: {why}"]
+        return si, guess, True, [f"q_nominal: its units were not stated; taken in {', '.join(guess)}: {why}"]
     for units in (units for units in mapping.assumed_units if len(units) == n):
         note = f"units not stated: took {','.join(units)} (order of RAVEN-II and da Vinci PSM)"
         return units, None, True, [note]
     raise InputError(
         f"{one.stream.name}: the units of its {n} joints are not stated, and not clear; give one of rad, deg, m, mm "
-        f"for each of {', '.join(names)}, for example --units {','.join(told)}, or the robot"
+        f"for each of {', '.join(names)}, for example --units {','.join(guess)}, or the robot"
     )
 
 

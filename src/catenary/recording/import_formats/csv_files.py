@@ -80,8 +80,8 @@ class DateFormat:
 def date_format(texts: Sequence[str]) -> DateFormat | None:
     """Return the common date format of some texts; None where they are no dates.
 
-    The order of day and month is told by a year that comes first, a month by name, points (day first), a number above
-    12, or the shorter of the two times that would have passed.
+    The order of day and month is inferred from a year that comes first, a month by name, points (day first), a number
+    above 12, or the shorter of the two times that would have passed.
     """
     found = [
         match for text in texts if (match := _WRITTEN.fullmatch(text.strip())) and (match["date"] or match["clock"])
@@ -311,10 +311,10 @@ def _names(
 ) -> tuple[list[str], list[str]]:
     """Return a name for each column, and what there is to say; no names where no line has one for each."""
     said = [line for line in heads if re.search(r"\w", line)][-2:]
-    told = [_words(_COMMENT.sub("", line, count=1), used, dialect) for line in said]
-    if not told:
+    cells_of_lines = [_words(_COMMENT.sub("", line, count=1), used, dialect) for line in said]
+    if not cells_of_lines:
         return [], []
-    *above, cells = told
+    *above, cells = cells_of_lines
     units = [""] * used
     if used > 1 and len(cells) == used and all(map(_UNIT.fullmatch, cells)) and above and len(above[0]) == used:
         cells, units = above[0], [cell.strip("[]() ") for cell in cells]
@@ -430,7 +430,7 @@ def _as_echoed(
 
 _MAX_LINE_BYTES = 1_000_000  # characters
 _SAMPLED_NUMBERS = 4_000_000  # of a table that is not held whole that are looked at
-_LOOKED_AT_LINES = 200  # lines by which separator, decimal sign and kinds of columns are told
+_LOOKED_AT_LINES = 200  # lines by which separator, decimal sign and kinds of columns are inferred
 _TAIL_BYTES = 65_536  # [B] at the end of a file that are looked at, too
 _BLOCK_BYTES = 4 << 20  # [B] that are read at a time
 _COMMENTS = "comment lines among the rows were passed over"
@@ -445,7 +445,7 @@ class TextTable:
     first_arrival = 0
 
     def __init__(self, path: Path, progress: Callable[[float], object] = lambda done: None) -> None:
-        """Read its first and last lines; `progress` is told the share of the file that was read."""
+        """Read its first and last lines; `progress` is called with the share of the file that was read."""
         self.path, self._size, self._progress = path, path.stat().st_size, progress
         lines, ends, last, unended = _lines(path)
         self.head: TextHead = read_head(str(path), lines, last, unended)
@@ -482,7 +482,7 @@ class TextTable:
         Dates are nanoseconds; whole numbers that no float64 can hold stay whole.
         """
         dates = tuple(column.name for column in self.head.columns if column.date is not None)
-        told: dict[str, Any] = {"joints": self.head.joints, "dates": dates, "notes": tuple(self.head.notes)}
+        options: dict[str, Any] = {"joints": self.head.joints, "dates": dates, "notes": tuple(self.head.notes)}
         columns = [c for c in self.head.columns if c.kind != "text" and (wanted is None or c.name in wanted)]
         kinds = {str(place): _arrow_type(column) for column in columns for place in column.places}
         names = [str(i) for i in range(self.head.width)]
@@ -504,7 +504,7 @@ class TextTable:
                     self._progress(min(1.0, file.tell() / self._size))
                 for batch in batches:
                     numbers = {column.name: _numbers(column, batch, carried) for column in columns}
-                    yield Stream(self.path.stem, "table", numbers, batch.num_rows, **told)
+                    yield Stream(self.path.stem, "table", numbers, batch.num_rows, **options)
         said = [f"{count} {what}" for what, count in passed.items() if count]
         said += ["its last line is torn, and was left out"] * bool(self.head.torn)
         self.notes += [note for note in said if note not in self.notes]

@@ -75,8 +75,8 @@ class _Content:
         alike = [name for name in parts[0] if len({part[name].shape[1:] if name in part else 0 for part in parts}) == 1]
         self._left += [f"{name} (not alike in all episodes)" for name in parts[0] if name not in alike]
         rows = [max((len(part[name]) for name in alike if part[name].ndim), default=0) for part in parts]
-        told, begins = self._told(chosen[0]), [began_of(self._told(name)) for name in chosen]
-        rate = next((float(told[key]) for key in RATES if isinstance(told.get(key), int | float)), None)
+        attributes, begins = self._told(chosen[0]), [began_of(self._told(name)) for name in chosen]
+        rate = next((float(attributes[key]) for key in RATES if isinstance(attributes.get(key), int | float)), None)
         whole = {name: np.concatenate([np.atleast_1d(part[name]) for part in parts]) for name in alike}
         arrays = self._arrays(outside) | (whole if len(chosen) > 1 else parts[0])
         if not any(array.dtype.kind in "biuf" for array in arrays.values()):
@@ -146,14 +146,16 @@ class _Content:
 
     def _told(self, episode: str) -> dict[str, Any]:
         """Return the attributes of the episode, then of its parents; a simulator's own rate, too."""
-        told: dict[str, Any] = {}
+        attributes: dict[str, Any] = {}
         inner = episode.split("/")
         for depth in range(len(inner) + 1):
             for key, value in self._file["/".join(inner[:depth]) or "/"].attrs.items():
                 plain = value.decode(errors="replace") if isinstance(value, bytes) else value
-                told[key] = plain.item() if isinstance(plain, np.generic | np.ndarray) and plain.size == 1 else plain
-        simulator = json_table(str(told.get("env_args", "{}")), f"{self._path}: env_args").get("env_kwargs")
-        return (simulator if isinstance(simulator, dict) else {}) | told
+                attributes[key] = (
+                    plain.item() if isinstance(plain, np.generic | np.ndarray) and plain.size == 1 else plain
+                )
+        simulator = json_table(str(attributes.get("env_args", "{}")), f"{self._path}: env_args").get("env_kwargs")
+        return (simulator if isinstance(simulator, dict) else {}) | attributes
 
 
 def _units_of(data: "h5py.Dataset") -> list[str]:
@@ -236,13 +238,13 @@ def in_a_row(path: Path, names: Sequence[str], begins: Sequence[float]) -> list[
     return [said] * (len(names) > 1)
 
 
-def began_of(told: Mapping[str, Any]) -> float:
+def began_of(attributes: Mapping[str, Any]) -> float:
     """Return when an episode began [s since 1970, UTC], by what its container tells; 0 where it does not."""
     for key in _DATES:
-        value = told.get(key)
+        value = attributes.get(key)
         if isinstance(value, int | float) and 1e9 < value < 3e9:
             return float(value)
-        texts = [f"{value} {told.get('time')}", value] if key == "date" else [value]
+        texts = [f"{value} {attributes.get('time')}", value] if key == "date" else [value]
         for text, form in ((text, form) for text in texts if isinstance(text, str) for form in _FORMATS):
             with suppress(ValueError):
                 moment = datetime.strptime(text, form) if form else datetime.fromisoformat(text)

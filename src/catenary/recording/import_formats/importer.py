@@ -158,7 +158,7 @@ def synchronise(
     names, said = _joint_names(mapping, model, base, sources.streams)
     notes += said
     nominal = _candidate(base, sources.streams, names)
-    units, told, assumed, said = joint_units_of(mapping, nominal, model, names)
+    units, inferred, assumed, said = joint_units_of(mapping, nominal, model, names)
     notes += said
     streams = sources.read({stream: list(columns) for stream, columns in columns.wanted.items()})
     for place in found["ok"].places if "ok" in found else ():  # 1 where it is not 0, NaN where it has no number
@@ -170,7 +170,7 @@ def synchronise(
     scaled, jumped = dict[str, Floats](), set[str]()
     for key, own in joints.items():
         encoder = _candidate(own.places, sources.streams, names)
-        scaled[key] = own.sign * _scale(key, mapping, encoder, nominal, units, told or units, notes)
+        scaled[key] = own.sign * _scale(key, mapping, encoder, nominal, units, inferred or units, notes)
     for key, own in found.items():  # before any of it is unwrapped, or lies on a line to its neighbours
         count = 0
         for j, place in enumerate(own.places if key in (*joints, "pose") else ()):
@@ -220,7 +220,7 @@ def synchronise(
     notes += said
     rows |= {} if measured is None else {"q_encoder": measured}
     is_there = np.ones(len(whole), dtype=bool) if measured is None else np.isfinite(measured).all(axis=1)
-    # 1 where both samples around a row are: what lies between a good one and another is made of both
+    # 1 where both samples around a row are: a row between a good one and another is made of both
     ok = np.asarray(is_there & (clock.rows("ok") == 1.0).all(axis=1) if "ok" in found else is_there)
     if measured is not None and not ok.any() and not is_piece:
         why = "ok is set on none that has q_encoder" if is_there.any() else "q_encoder is measured on none"
@@ -268,7 +268,13 @@ def synchronise(
 
 
 def _scale(
-    key: str, mapping: RecordingMapping, one: Candidate, nominal: Candidate, units: Units, told: Units, notes: list[str]
+    key: str,
+    mapping: RecordingMapping,
+    one: Candidate,
+    nominal: Candidate,
+    units: Units,
+    inferred: Units,
+    notes: list[str],
 ) -> Floats:
     """Return factors of a quantity's columns to SI (n,): of the mapping, the columns, or q_nominal."""
     quantity, n = getattr(mapping, key), len(units)
@@ -281,7 +287,7 @@ def _scale(
         return factor * named
     if stated is not None or key == "tau" or mapping.name:
         return factor
-    own = one.stated_units() or told
+    own = one.stated_units() or inferred
     if key == "q_encoder":
         its = (mapping.q_nominal.units * n)[:n] if mapping.q_nominal.units else own
         own, why, is_sure = encoder_units(one, nominal, its, None)
@@ -323,7 +329,7 @@ def _with_texts(
 
 
 def _candidate(places: Sequence[Place], streams: Sequence[Stream], names: Sequence[str]) -> Candidate:
-    """Return columns with the numbers by which their units are told."""
+    """Return columns with the numbers that their units are inferred from."""
     by_name = {stream.name: stream for stream in streams}
     columns = {place.column: by_name[place.stream].columns[place.column] for place in places}
     own = tuple("" for _ in names) if tuple(names) == nameless(len(names)) else tuple(names)
@@ -356,8 +362,8 @@ def _joint_names(
             f'q_nominal: {", ".join(map(cut, said))} are not clearly joints of robot "{model.name}", which has '
             f"{joints_text(model)}; list the columns in the order of its joints, or give joint_names"
         )
-    told = f"{'by their names' if is_known else 'in order'} ({', '.join(map(cut, said))} in the recording)"
-    note = f'columns of q_nominal are {", ".join(names)} of robot "{model.name}", {told}'
+    matched = f"{'by their names' if is_known else 'in order'} ({', '.join(map(cut, said))} in the recording)"
+    note = f'columns of q_nominal are {", ".join(names)} of robot "{model.name}", {matched}'
     return names, [note] * (names != said)
 
 

@@ -1,6 +1,6 @@
 """An inertial unit's readings out of a recording: a bag with sensor_msgs/Imu, or a table with columns for it.
 
-Columns are told by their names, as drivers and loggers write them, and units by what stands behind a name, as in
+Columns are inferred from their names, as drivers and loggers write them, and units by what stands behind a name, as in
 "Accelerometer X (g)".
 """
 
@@ -46,9 +46,9 @@ def read_imu(
     path: Path,
     *,
     topic: str | None = None,  # of a bag with several Imu topics
-    # of a table: three of the accelerometer, and three of the gyroscope if any; told by their names without
+    # of a table: three of the accelerometer, and three of the gyroscope if any; inferred from names without
     columns: Sequence[str] = (),
-    time: str | None = None,  # of a table, t_us@us: column and unit; told by names and steps when None
+    time: str | None = None,  # of a table, t_us@us: column and unit; inferred from names and steps when None
     # (3, 3) each, that accelerometer and gyroscope are multiplied by, to order their axes
     matrices: tuple[Floats, Floats] | None = None,
     has_units: bool = False,  # the matrices make SI of units too; those in names do not count then
@@ -76,16 +76,16 @@ def read_imu(
     whole = sources.read({stream.name: [*names, *flags, *times]}).get(stream.name, stream)
     if whole.type == "table":
         try:
-            told = time_of(whole, (column,) if column else (), unit or None, None, today=sources.today)
+            table_time = time_of(whole, (column,) if column else (), unit or None, None, today=sources.today)
         except InputError as error:
             # an import has a mapping and a rate of rows, which are not there for this
             plain = re.sub(r"time_unit, or |their rate in its place \(.*?\), or ", "", str(error))
             raise InputError(f"{plain.replace('--map time=', '--time ')} (--time COLUMN@UNIT)") from error
-        if told is None:
+        if table_time is None:
             raise InputError(
                 f"{path}: no column of time, such as time or t_us: --time; it has {listed(list(stream.columns))}"
             )
-        stamp, why = told.stamp, told.said
+        stamp, why = table_time.stamp, table_time.said
     else:
         given = whole.stamp if whole.stamp is not None and (whole.stamp > 0).all() else whole.arrival
         if given is None:

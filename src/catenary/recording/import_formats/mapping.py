@@ -141,7 +141,7 @@ class RecordingMapping(Settings):
     names_in: str | None = None  # array of texts in a file that holds the joints' names, where it has one
     units_in: str | None = None  # and their units
     assumed_units: tuple[tuple[Literal["rad", "m"], ...], ...] = ()  # by the number of joints, where nobody says them
-    reported: Texts = ()  # topics that nothing is taken of, whose rates and gaps are told
+    reported: Texts = ()  # topics whose rates and gaps are only reported
     stamps: Literal["auto", "header", "arrival"] = "auto"  # of messages
     time: Texts = ()  # column of a table; of several tables, one for each
     time_unit: TimeUnit | None = None

@@ -36,9 +36,9 @@ InSi = Callable[[Floats], Floats]  # makes of a quantity's columns (N, n) joints
 class OneClock:
     """Quantities of a recording at the stamps of q_nominal.
 
-    Where headers of two topics lie behind arrivals by times more than a second apart, nobody set the clocks, and all
-    topics take arrivals. Files beside q_nominal's have clocks of their own, which are told from the motion that both
-    saw. Rows of one table in which time goes back begin another recording.
+    Where headers of two topics are delayed behind arrivals by times more than a second apart, nobody set the clocks,
+    and all topics take arrivals. Files beside q_nominal's have clocks of their own, which are estimated from the motion
+    that both saw. Rows of one table in which time goes back begin another recording.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class OneClock:
         if table is not None:
             self._own_stamp = table.stamp[rows]
             self._seconds = table.seconds[rows] if self._alone and table.seconds is not None else None
-        if len(streams[self.base].starts) > 1:  # time begins anew with each recording, as a cable's memory does
+        if len(streams[self.base].starts) > 1:  # time restarts with each recording, as a cable's memory does
             of = np.searchsorted(streams[self.base].starts, rows, side="right")
             _, first, of = np.unique(of, return_index=True, return_inverse=True)
             later = (self._own_stamp[first] - self._own_stamp[0])[of]
@@ -131,10 +131,10 @@ class OneClock:
             named = " ".join(["no file", *filter(None, unknown[:1])])
             raise InputError(f"--clock: {named}: {known}")
         for file in others:
-            told = given.get(file, given.get(""))
+            stated = given.get(file, given.get(""))
             keys = [k for k in ("q_encoder", "q_reported") if k in in_si and file_of[self._where[k][0][0][0]] == file]
-            if told is not None:
-                of[file] = FileClock(*told)
+            if stated is not None:
+                of[file] = FileClock(*stated)
                 self.notes.append(f"{file}: {of[file]}")
             elif keys and (clock := self._by_motion(keys[0], file, in_si, units)) is not None:
                 of[file] = clock
@@ -277,14 +277,14 @@ class OneClock:
         back = np.flatnonzero(np.diff(known) < 0) + 1
         begins = np.zeros(len(stamp), dtype=bool)
         begins[list(stream.starts[1:])] = True
-        told = np.flatnonzero(begins[timed][1:]) + 1
-        unsaid = np.setdiff1d(back, told)
+        starts = np.flatnonzero(begins[timed][1:]) + 1
+        unsaid = np.setdiff1d(back, starts)
         if len(unsaid):
             self.notes.append(
                 f"{stream.name}: time goes back {len(unsaid)} time(s), first at row {unsaid[0]}; another recording "
                 "begins there" + ("; are the rows shuffled?" if len(unsaid) > 5 else "")
             )
-        back = np.union1d(back, told[known[told] <= known[told - 1]])
+        back = np.union1d(back, starts[known[starts] <= known[starts - 1]])
         if not len(back):
             return stamp
         later = np.zeros(len(known), dtype=np.int64)

@@ -1,4 +1,4 @@
-"""The mapping that a recording suggests, as TOML to edit; what cannot be told is asked, never chosen in silence."""
+"""The mapping that a recording suggests, as TOML to edit; what cannot be inferred is asked, never chosen in silence."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -161,12 +161,12 @@ def _asked_units(quantity: str, units: Sequence[str], why: str, draft: _Draft) -
     other = ",".join({"rad": "deg", "deg": "rad", "m": "mm", "mm": "m"}.get(unit, unit) for unit in units)
     choices = {stand: "as they stand below", other: "or any of rad, deg, m, mm for each"}
     answer = draft.ask(about, f"the units of {quantity} ({why})", choices, is_free=True)
-    told = words_of(answer)
+    words = words_of(answer)
     if answer is None:
         return tuple(units), f"OPEN: {why}"
-    if len(told) not in (1, len(units)) or not set(told) <= set(SI):
+    if len(words) not in (1, len(units)) or not set(words) <= set(SI):
         raise InputError(f"--answer {about}={answer}: expected one of {', '.join(SI)} for each of {len(units)} columns")
-    return tuple(told * len(units) if len(told) == 1 else told), "as answered"
+    return tuple(words * len(units) if len(words) == 1 else words), "as answered"
 
 
 def _not_set_aside(found: Sequence[Candidate], draft: _Draft) -> list[Candidate]:
@@ -197,7 +197,7 @@ def _as_answered(answer: str | None, streams: Sequence[Stream]) -> Candidate | N
 def _positions(
     found: Sequence[Candidate], streams: Sequence[Stream], draft: _Draft
 ) -> tuple[Candidate | None, Candidate | None]:
-    """Choose what the robot reports, or was told, and what measured its joints."""
+    """Choose the reported or commanded positions, and the measured ones."""
 
     def of(role: Role) -> list[Candidate]:
         return [one for one in found if one.kind == "position" and one.role == role]
@@ -240,7 +240,7 @@ def _positions(
     if not choices:
         answer = draft.ask(
             "q_nominal.columns",
-            "which columns are q_nominal, what the robot reports or was told",
+            "which columns are q_nominal, what the robot reports or was commanded",
             {"COLUMN,COLUMN,...": "columns in the order of the joints, as --map has them"},
             is_free=True,
         )
@@ -252,7 +252,7 @@ def _positions(
     nominal = _one(choices, "q_nominal", draft, len(truth.columns) if truth is not None else None)
     if reported and commanded and nominal.role != "commanded":
         draft.decisions.append(
-            f"q_nominal is what the robot reports ({nominal.name}), not what it was told ({commanded[0].name})"
+            f"q_nominal is what the robot reports ({nominal.name}), not what it was commanded ({commanded[0].name})"
         )
     if truth is None:
         if reported and commanded and nominal.role != "commanded" and commanded[0].is_followed_by(nominal):
@@ -363,10 +363,10 @@ def _tracked(
     if answer == "none":
         return None
     one = poses[0] if answer is None else named[answer]
-    told = len(one.taken)
-    turns = one.orientation if told > 3 else "xyzw"
+    width = len(one.taken)
+    turns = one.orientation if width > 3 else "xyzw"
     joints = 0 if nominal is None else len(nominal.columns)
-    match = "pose" if told > 3 and joints > 3 else "position"
+    match = "pose" if width > 3 and joints > 3 else "position"
     frame = '# frame = "..."  # of the robot, that the marker is on; its tip where none is given'
     links = {} if model is None else {of.link: name for name, of in reversed([*model.frames.items()])}
     if model is not None and 0 < joints < model.n == 1 + max(links):  # a link for each joint

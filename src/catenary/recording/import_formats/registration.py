@@ -5,8 +5,8 @@ X p = F(q + offsets) z for every pose: X is T_base_tracker, F the robot's forwar
 sides differ by, without outliers, from the best of many directions that the tracker may look from.
 
 No motion tells the zero of an arm's first joint from a turn of the base about its axis, nor that of its last joint from
-how the marker sits: such an offset is held at 0, and said to be. [M. Shah, J. Mech. Robotics 5 (2013); what can be
-told: L. Everett & T.-W. Hsu, J. Mech. Design 110 (1988)]
+how the marker sits: such an offset is held at 0, and said to be. [M. Shah, J. Mech. Robotics 5 (2013); what is
+identifiable: L. Everett & T.-W. Hsu, J. Mech. Design 110 (1988)]
 """
 
 from collections.abc import Callable, Sequence
@@ -29,7 +29,7 @@ _MIN_NOISE = np.array([5e-5, 5e-4])  # [m], [rad] that no tracker is better than
 TRACKER_NOISE = np.array([2e-4, 3e-3])  # [m], [rad] of a tracker
 _OUTLIER_SIGMAS = 5.0  # standard deviations of an axis at which an outlier begins: one of 70,000 good poses lies there
 _MIN_STRETCHES, _MAX_STRETCHES = 6, 30  # stretches of time whose errors are taken as independent
-_OPEN_HALF_WIDTH_RAD = 0.05  # at which a direction is not told: a usual tracker sees 1.4 mm of a motion then
+_OPEN_HALF_WIDTH_RAD = 0.05  # at which a direction is undetermined: a usual tracker sees 1.4 mm of a motion then
 _SETTLING_MOTION = {"rad": 0.5, "m": 0.05}  # to either side: a motion that may settle it
 _DOUBTFUL_SHARE = 0.05  # of the motion, left by a fit: more than joints' own errors
 _STRAIGHT_S, _MAX_RETIMINGS = 1e-3, 5  # [s] for which a speed goes on; how often poses are read at another time
@@ -82,7 +82,7 @@ class TrackerRegistration:
     marker_error: Floats  # (2,) [m], [rad]
     offset_error: Floats  # (k,)
     late_error: float
-    joint_error: Floats  # (k,) of joints that follow from a pose by the transforms, beside offsets that are not told
+    joint_error: Floats  # (k,) of joints that follow from a pose by the transforms, beside undetermined offsets
     is_told: Flags  # (k,) whether motion tells the joint's offset from the transforms
     middle: Floats  # (3,) of the marker's motion, in the base [m]
     left: Floats  # (1 or 2,) root mean square of an axis' distance from the fit [m], [rad]
@@ -115,10 +115,10 @@ class TrackerRegistration:
             text = f"{name} = {{ position_m = {at}, quaternion_wxyz = {turn} }}  # 95 %: within {sizes(error)}{where}"
             said += [text] * bool(error.any())
         rows = list(zip(names, shown, found.offsets, self.offset_error, self.joint_error, self.is_told, strict=True))
-        zeros = [f"{n} {s * x:.3g} +- {s * e:.2g} {unit}" for n, (unit, s), x, e, _, told in rows if told and e > 0.0]
+        zeros = [f"{n} {s * x:.3g} +- {s * e:.2g} {unit}" for n, (unit, s), x, e, _, known in rows if known and e > 0.0]
         said += [f"offsets of the joints' zeros: {', '.join(zeros)}"] * bool(zeros)
         said += [
-            f"no motion tells the zero of {', '.join(name for name, *_, told in rows if not told)} from how the "
+            f"no motion tells the zero of {', '.join(name for name, *_, known in rows if not known)} from how the "
             "tracker stands and the marker sits: it was taken as reported. Their q_encoder is right but for a constant "
             "of which a fit learns nothing; T_base_tracker (of the first joint) or T_marker_frame (of the last), "
             "measured otherwise, tells it"
@@ -330,7 +330,7 @@ class _Problem:
         return q
 
     def without_what_no_motion_tells(self, at: Estimate) -> tuple["_Problem", Flags]:
-        """Hold offsets that no motion of the robot tells from the transforms, and say which are told, (k,)."""
+        """Hold offsets that no motion of the robot separates from the transforms; return flags of the others, (k,)."""
         from scipy.linalg import qr
 
         timeless = replace(self, basis=self.basis[:, self.basis[-1] == 0.0])

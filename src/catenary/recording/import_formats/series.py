@@ -63,7 +63,7 @@ class TopicReport:
 
     def notes(self) -> list[str]:
         """Return notes for the user."""
-        told = {
+        notes = {
             f"{len(self.gaps)} gap(s), the longest {self.longest_gap:.3f} s": self.gaps,
             f"{self.repeated} repeated stamps were dropped": self.repeated,
             f"{self.shuffled} messages were out of order and sorted": self.shuffled,
@@ -72,7 +72,7 @@ class TopicReport:
             "messages carry no stamps; their arrival was taken": self.stamped_by_arrival,
         }
         steps = [f"{step.note(self.start)}; stamps continue as before" for step in self.clock_steps]
-        return [f"{self.topic}: {text}" for text in [*(text for text, is_so in told.items() if is_so), *steps]]
+        return [f"{self.topic}: {text}" for text in [*(text for text, is_so in notes.items() if is_so), *steps]]
 
 
 @dataclass(frozen=True)

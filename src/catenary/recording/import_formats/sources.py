@@ -35,7 +35,9 @@ from catenary.recording.messages import current_name
 from catenary.recording.parquet_files import MOST_COLUMNS
 from catenary.topics import SECOND
 
-_SAMPLED_MESSAGES = 1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are told
+_SAMPLED_MESSAGES = (
+    1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are inferred
+)
 _MAX_SAMPLED_BYTES = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
 _BATCH_MESSAGES = 4096
 _MAX_JOINTS = 1000
@@ -47,7 +49,7 @@ class Bag:
     """A ROS 1 bag, an MCAP file, a ROS 2 bag (folder) or a journal, whose types may be any."""
 
     def __init__(self, path: Path, progress: Callable[[float], object] = lambda done: None) -> None:
-        """Open it; `progress` is told the share of its messages that were read."""
+        """Open it; `progress` is called with the share of its messages that were read."""
         self.path, self._progress = path, progress
         self._reader = open_recording(path)
         self.encoding: Encoding = self._reader.encoding
@@ -121,7 +123,7 @@ class Bag:
 
 @dataclass
 class _TopicColumns:
-    """Numbers of a topic's messages as they come."""
+    """Numbers of a topic's messages, in order of arrival."""
 
     name: str
     type: str
@@ -309,7 +311,7 @@ class Sources:
     """Bags and tables of one recording."""
 
     def __init__(self, paths: Sequence[Path], progress: Progress = lambda done: None) -> None:
-        """Open them: of topics a sample is looked at, of a long text the first rows; `progress` is told of both."""
+        """Open them: of topics a sample is looked at, of a long text the first rows; `progress` counts both."""
         self.today = time.time()  # which bounds what their clocks read [s since 1970]
         if not paths:
             raise FileFormatError("recording: expected at least one file, got none")
@@ -320,11 +322,11 @@ class Sources:
         shares: dict[Path, float] = {}  # of the bags and long texts, that were read
 
         def share_of(path: Path) -> Progress:
-            def told(done: float) -> None:
+            def report(done: float) -> None:
                 shares[path] = done
                 progress(sum(shares.values()) / len(self._bags))
 
-            return told
+            return report
 
         for path in paths:
             container, episode = container_of(path)

@@ -137,12 +137,12 @@ def time_of(
         said = f"time is {cut(column)} in s and {cut(name)} in {size} ns{f' ({date})' * bool(date)}"
         return TableTime(stamp, column, "s", said)
     _refuse_coarse(stream, column, unit, today)
-    told, why = (unit, "as given") if unit is not None else _unit(stream, column, values, today)
-    stamp, date = _stamps(values, told, () if column in stream.dates else _clocks_of(values, today, told))
-    said = f"time is {cut(column)} in {told} ({'; '.join(dict.fromkeys((why, date) if date else (why,)))})"
+    found_unit, why = (unit, "as given") if unit is not None else _unit(stream, column, values, today)
+    stamp, date = _stamps(values, found_unit, () if column in stream.dates else _clocks_of(values, today, found_unit))
+    said = f"time is {cut(column)} in {found_unit} ({'; '.join(dict.fromkeys((why, date) if date else (why,)))})"
     if values.dtype.kind == "i":
-        return TableTime(stamp, column, told, said)
-    return TableTime(stamp, column, told, said, values.astype(np.float64) / float(per_second(told)))
+        return TableTime(stamp, column, found_unit, said)
+    return TableTime(stamp, column, found_unit, said, values.astype(np.float64) / float(per_second(found_unit)))
 
 
 def rest_of(stream: Stream, column: str) -> tuple[str, int] | None:
@@ -247,7 +247,7 @@ def _unit(stream: Stream, column: str, values: NDArray[np.generic], today: float
         return likely[0], f"rows are then {rates[likely[0]]:.4g} Hz"
     choices = ", ".join(f"{unit} ({rate:.4g} Hz)" if step else unit for unit, rate in rates.items())
     raise InputError(
-        f"{stream.name}: unit of time {cut(column)} cannot be told, rows are {step:g} apart; say it "
+        f"{stream.name}: unit of time {cut(column)} cannot be inferred, rows are {step:g} apart; say it "
         f"(time_unit, or --map time={cut(column)}@UNIT): {choices}, or of a counter its rate, such as 4000Hz"
     )
 

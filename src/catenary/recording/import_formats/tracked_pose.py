@@ -128,7 +128,7 @@ def _noise(model: RobotModel, frame: str | None, seen: Pose, q: Floats) -> Float
 
 
 def _vague(model: RobotModel, tracked: TrackedPose, q: Floats, noise: Floats, chosen: list[int]) -> tuple[Flags, str]:
-    """Return the rows of q (M, n) that are too near a singularity, (M,), and how well the others are told, in words."""
+    """Return the rows of q (M, n) that are too near a singularity, (M,), and the accuracy of the others, as text."""
 
     def shown(sizes: Floats, joints: Sequence[int], form: str = ".2g") -> str:
         units = [DISPLAY[model.joint_units[j]] for j in joints]
@@ -151,8 +151,8 @@ def _vague(model: RobotModel, tracked: TrackedPose, q: Floats, noise: Floats, ch
     away = deviations(model, worst + np.vstack([reach, -reach]), tracked.frame, tracked.match, noise) / bound
     at = shown(worst, [int(np.argmin(away[:, chosen].max(axis=1))) % model.n], ".2f")  # it leads away soonest
     lost = [chosen[k] for k in np.flatnonzero(beyond.any(axis=0))]
-    told = f"{int(rows.sum())} of {len(q)} poses lie too near a singularity, the nearest with {at}, and are not ok"
-    return rows, f"{told}: there it would be more than {shown(bound, lost)}; {said}"
+    counted = f"{int(rows.sum())} of {len(q)} poses lie too near a singularity, the nearest with {at}, and are not ok"
+    return rows, f"{counted}: there it would be more than {shown(bound, lost)}; {said}"
 
 
 def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequence[int]) -> Flags:
