@@ -9,7 +9,7 @@ import pytest
 
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.neural import PAPER
 from catenary.calibration.recordings import Recordings
@@ -71,7 +71,7 @@ def fitted(*logs: MotionLog, **options: Any) -> CalibrationModel:
     """Model fitted to all usable rows of recordings, a linear one where no kind is given."""
     asked = FitOptions(**{"kind": "linear"} | options)
     inputs = choose_inputs(Recordings.of(logs), asked)
-    return fit(calibration_data(logs, inputs.features), inputs, asked)
+    return fit_model(calibration_data(logs, inputs.features), inputs, asked)
 
 
 def short_training() -> Iterator[None]:

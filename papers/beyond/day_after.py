@@ -20,7 +20,7 @@ from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_refresh import refresh_model
 from catenary.calibration.recordings import Recordings
@@ -86,7 +86,7 @@ def recorded_day(train: str, test: str, data: Path) -> Result:
     for log in (first, second):
         inputs = choose_inputs(Recordings.of([log]), options)
         limits = None if RECORDINGS.get(log.name) is None else _limits(log.name)
-        models.append(fit(calibration_data([log], inputs.features, max_error=limits), inputs, options))
+        models.append(fit_model(calibration_data([log], inputs.features, max_error=limits), inputs, options))
         rows.append(limits)
     old, refit = models
     new = calibration_data([second], old.features, max_error=rows[1])

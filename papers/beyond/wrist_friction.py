@@ -20,7 +20,7 @@ from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import cross_validate, evaluate, rms
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
-from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model_refresh import refresh_model
 from catenary.calibration.recordings import Recordings, error_limits
 from catenary.recording.logs import read_log
@@ -94,7 +94,9 @@ def loaded(folder: str, signal: str, data: Path) -> Result:
     logs, options = _runs(folder, data), FitOptions(inputs=LOADED[signal])
     inputs = choose_inputs(Recordings.of(logs), options)
     rows = calibration_data(logs, inputs.features)
-    return {"rmse": cross_validate(rows, lambda train, _: fit(train, inputs, options), folds=4).spread[0].rmse_mean}
+    return {
+        "rmse": cross_validate(rows, lambda train, _: fit_model(train, inputs, options), folds=4).spread[0].rmse_mean
+    }
 
 
 @run(revision=4)

@@ -19,7 +19,7 @@ from catenary.arrays import Floats
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import PLAY_SHARES, FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.recordings import Recordings
 from catenary.recording.logs import read_log
 from catenary.units import DISPLAY
@@ -85,7 +85,7 @@ def model_errors(recording: str, kind: str, seed: int, data: Path) -> Result:
         chosen = replace(options, seed=seed)
         inputs = choose_inputs(Recordings.of([log]), chosen, held_out=HELD_OUT)
         train, test = calibration_data([log], inputs.features, max_error=_limit(recording)).split_by_time(HELD_OUT)
-        joints = evaluate(fit(train, inputs, chosen), test).joints
+        joints = evaluate(fit_model(train, inputs, chosen), test).joints
         found[name] = _found([joint.rmse for joint in joints], joints[0].outside_valid_range)
         if name == "linear":
             found["raw"] = _found([joint.raw_rmse for joint in joints])

@@ -14,7 +14,7 @@ from catenary.arrays import Floats, Integers
 from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model import CalibrationModel, Target
 from catenary.calibration.neural import NetworkSettings, fit_neural
 from catenary.calibration.predictors import Network
@@ -82,7 +82,7 @@ def random_log(
 def fitted(logs: Sequence[MotionLog], options: FitOptions) -> CalibrationModel:
     """Fit a model to recordings."""
     inputs = choose_inputs(Recordings.of(logs), options)
-    return fit(calibration_data(logs, inputs.features), inputs, options)
+    return fit_model(calibration_data(logs, inputs.features), inputs, options)
 
 
 def network_model(

@@ -11,7 +11,7 @@ from catenary.calibration.card import model_card
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import cross_validate, evaluate
 from catenary.calibration.fit_options import FitOptions, FitRun
-from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model import Card
 from catenary.calibration.recordings import Recordings
 from recordings import fitted, recording, short_training
@@ -24,8 +24,8 @@ def card_of(log: Any = None, *, held_out: bool = True, folds: int = 3, **options
     asked = FitOptions(**{"kind": "linear"} | options)
     inputs = choose_inputs(Recordings.of([log]), asked)
     early, late = calibration_data([log], inputs.features).split_by_time(0.2)
-    model = fit(early, inputs, asked)
-    spread = cross_validate(early, lambda rows, _: fit(rows, inputs, asked), folds=folds).spread if folds else ()
+    model = fit_model(early, inputs, asked)
+    spread = cross_validate(early, lambda rows, _: fit_model(rows, inputs, asked), folds=folds).spread if folds else ()
     return model_card(
         model,
         early,

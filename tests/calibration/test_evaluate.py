@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, cross_validate, evaluate, rms
 from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
@@ -115,7 +115,7 @@ def offset_fit(
 
     def fit_rows(rows: CalibrationData, progress: Progress) -> CalibrationModel:
         seen(rows)
-        return fit(rows, inputs, options, progress=progress)
+        return fit_model(rows, inputs, options, progress=progress)
 
     return fit_rows
 

@@ -11,7 +11,7 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
-from catenary.calibration.fit_rows import choose_inputs, fit
+from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
@@ -141,7 +141,7 @@ def test_fit_without_rows_or_to_rows_of_other_features_is_refused() -> None:
     with pytest.raises(InputError, match="data: 9 usable rows, expected at least 10"):
         fitted(log(rows=9))
     with pytest.raises(InputError, match="data: holds q:J1"):
-        fit(
+        fit_model(
             data_of(log(), play=(0.1,)),
             choose_inputs(Recordings.of([log()]), FitOptions("linear")),
             FitOptions("linear"),

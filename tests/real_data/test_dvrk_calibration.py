@@ -13,7 +13,7 @@ from catenary.calibration.dataset import CalibrationData, calibration_data
 from catenary.calibration.evaluate import JointErrors, evaluate
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_recordings import fit_logs
-from catenary.calibration.fit_rows import Inputs, choose_inputs, fit
+from catenary.calibration.fit_rows import Inputs, choose_inputs, fit_model
 from catenary.calibration.recordings import Recordings
 from catenary.plant import MotionLog
 from catenary.recording.logs import read_log
@@ -55,7 +55,7 @@ def errors_on_the_last_fifth(kind: str) -> tuple[JointErrors, ...]:
     options = FitOptions(**KINDS[kind])
     data, inputs = prepared("random_train", options, held_out=0.2)
     early, late = data.split_by_time(0.2)
-    return evaluate(fit(early, inputs, options), late).joints
+    return evaluate(fit_model(early, inputs, options), late).joints
 
 
 def rmse(errors: tuple[JointErrors, ...]) -> np.ndarray:
@@ -81,7 +81,7 @@ def errors_on_other_motion(kind: str) -> tuple[JointErrors, ...]:
     """Trained on a peg transfer, tested on points all over the range: where extrapolation must be noticed."""
     options = FitOptions(**KINDS[kind])
     data, inputs = prepared("peg_transfer_train", options)
-    model = fit(data, inputs, options)
+    model = fit_model(data, inputs, options)
     return evaluate(model, calibration_data([recording("sampled_train")], model.features)).joints
 
 
@@ -105,7 +105,7 @@ def test_no_correction_of_another_motion_is_taken_for_one_that_was_never_seen(ki
     options = FitOptions(**KINDS[kind])
     data, inputs = prepared(trained, options, held_out=0.2)
     early, late = data.split_by_time(0.2)
-    model = fit(early, inputs, options)
+    model = fit_model(early, inputs, options)
     others = [recording(path.stem) for path in sorted(FOLDER.glob("*.npz")) if path.stem != trained]
     for rows in (late, *(calibration_data([log], model.features) for log in others)):
         inside = model.correct(rows.X, rows.q_nominal)[1]

@@ -10,14 +10,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from catenary.dynamics.kinematics import forward_kinematics, link_poses
 from catenary.sensing.vector import tilted_gravity
 from catenary.spatial import LEVEL, rotation_from_quaternion
-from catenary.view.page_process import _SHOWN_NOTES, PageProcess, newest, shortened
+from catenary.view.page_process import _SHOWN_NOTES, PageProcess, newest, truncated_state
 from catenary.view.shown import _PATH_POINTS, TipPaths, base_orientation, scene_of_robot
 from view.arms import RAVEN, Q, state
 
 
 @pytest.mark.parametrize("word", ["warning " * 100, "\u00fc" * 5000, "\U0001f916" * 900, "\x00" * 900, "\ud800" * 900])
 def test_words_that_take_much_room_are_cut_and_never_lost_with_the_numbers(word: str) -> None:
-    told = shortened(state(2.5, notes=(word,) * 20, doing=word, fault=word, silent=word))
+    told = truncated_state(state(2.5, notes=(word,) * 20, doing=word, fault=word, silent=word))
     assert told.time == 2.5
     assert len(told.notes) == _SHOWN_NOTES
     assert len("".join([told.state, *told.warnings()]).encode()) < 8000

@@ -16,7 +16,7 @@ from catenary.calibration.dataset import CalibrationData, data_notes, usable_row
 from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, cross_validate, evaluate, rms
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun
-from catenary.calibration.fit_rows import MIN_ROWS, choose_inputs, fit
+from catenary.calibration.fit_rows import MIN_ROWS, choose_inputs, fit_model
 from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card
@@ -99,12 +99,12 @@ def fit_recordings(
     rows = rows_of(inputs.features)
     data = rows[0]
     halves = [part_of(progress, k, 2) for k in range(2)]
-    model = fit(data, inputs, options, progress=halves[0])
+    model = fit_model(data, inputs, options, progress=halves[0])
     validation: CrossValidation | None = None
     if run.folds:
 
         def refitted(part: CalibrationData, tell: Progress) -> CalibrationModel:
-            return fit(part, inputs, options, like=model, progress=tell)
+            return fit_model(part, inputs, options, like=model, progress=tell)
 
         validation = cross_validate(data, refitted, folds=run.folds, progress=halves[1])
     return _concluded(recordings, options, run, (model, validation), found, rows)

@@ -81,7 +81,7 @@ def joint_inputs(log: MotionLog) -> tuple[str, ...]:
     return tuple(f"{group}:{joint}" for group in ("q", *["tau"] * (log.tau is not None)) for joint in log.joint_names)
 
 
-def fit(
+def fit_model(
     data: CalibrationData,
     inputs: Inputs,
     options: FitOptions,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from catenary.archives import content_in_words, read_arrays
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_kinds import RETIRED, kind_of
-from catenary.calibration.own_model import Named, packed, unpacked
+from catenary.calibration.own_model import Named, packed, with_estimators
 from catenary.calibration.predictors import Expansion, Leverage, linear
 from catenary.calibration.terms import Terms
 from catenary.cards import card_of, stored, write_with_card
@@ -103,7 +103,7 @@ def load_model(path: Path, own: Named | Sequence[Named] | None = None) -> tuple[
         raise FileFormatError(
             damage(path, f"is no calibration model, or of another version: {cut(why)}", remedy)
         ) from error
-    return unpacked(model, own), card
+    return with_estimators(model, own), card
 
 
 def _renew(found: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

@@ -27,7 +27,7 @@ class ModelKind:
         words: What it is, in the words of the help.
         fitted_by: `module:function` of this room, called with features (N, F), wanted outputs (N, m) and what it
             `takes`; it returns a predictor (predictors.py), which model files hold as it is.
-        takes: Further arguments of that function, of those that fit_rows.fit gives.
+        takes: Further arguments of that function, of those that fit_rows.fit_model gives.
         preset: The name of its settings.
         settings: The name, in that module, of settings that the function takes and the card tells.
         play_shares: Half-widths of play states that it takes unasked, of each joint's range; with friction states.

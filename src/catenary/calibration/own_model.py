@@ -106,7 +106,7 @@ def packed(model: CalibrationModel) -> CalibrationModel:
     return _with_each(model, lambda own: replace(own, fitted=tuple(map(_packed, own.fitted))))
 
 
-def unpacked(model: CalibrationModel, own: Named | Sequence[Named] | None) -> CalibrationModel:
+def with_estimators(model: CalibrationModel, own: Named | Sequence[Named] | None) -> CalibrationModel:
     """Return a model whose estimators are objects again.
 
     Args:

@@ -200,7 +200,7 @@ def calibrated_namespace(arm: Arm, namespace: str | None = None) -> str:
     return f"{NAMESPACES[arm] if namespace is None else '/' + namespace.strip('/')}/calibrated"
 
 
-def raven_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
+def raven_dialect_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
     """Return an arm's topics as the RAVEN-II's software has them.
 
     Args:

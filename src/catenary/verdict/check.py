@@ -30,7 +30,7 @@ from catenary.verdict.sensors import (
     sensor_findings,
     zero_findings,
 )
-from catenary.verdict.stamps import arrival_findings, poses_of, stamp_findings
+from catenary.verdict.stamps import arrival_findings, count_poses, stamp_findings
 from catenary.verdict.units_and_scale import (
     range_findings,
     slope_findings,
@@ -347,7 +347,7 @@ def extent_findings(log: MotionLog) -> Iterator[Finding]:
     if log.q_encoder is not None and not measured:
         yield Finding("short", (), "ok is set on no row: nothing was measured")
         return
-    if poses := poses_of(log):
+    if poses := count_poses(log):
         says = f"commands leap between {poses} poses and stand there: all rows of a pose tell the same"
         yield Finding("short", (), says, "a staircase, which shows neither slack nor delays", refuses=False)
     if measured < _MIN_ROWS:

@@ -65,7 +65,7 @@ def arrival_findings(log: MotionLog, delay: Delay | None) -> list[Finding]:
     return [Finding("clock", (), says, culprit, refuses=False)]
 
 
-def poses_of(log: MotionLog) -> int:
+def count_poses(log: MotionLog) -> int:
     """Return between how many poses commands leap, to stand there; 0 where they move."""
     moves = np.any(np.diff(log.q_nominal, axis=0) != 0.0, axis=1)
     padded = np.r_[False, moves, False]
@@ -77,7 +77,7 @@ def _unit_findings(log: MotionLog) -> list[Finding]:
     assert log.time is not None
     steps = np.diff(log.time)
     rising = steps > 0.0
-    if not rising.any() or poses_of(log):  # a leap takes no time
+    if not rising.any() or count_poses(log):  # a leap takes no time
         return []
     q, median = scales(log) * log.q_nominal, float(np.median(steps[rising]))
     moved, ranges = np.abs(np.diff(q, axis=0))[rising], np.ptp(q, axis=0)

@@ -78,7 +78,7 @@ class PageProcess:
         """Show a state, and values of controls, unless the page has not received the last one."""
         if self._is_open and takes_more(self._pipe):
             with contextlib.suppress(OSError):  # the page has ended
-                self._pipe.send((shortened(state), dict(values)))
+                self._pipe.send((truncated_state(state), dict(values)))
 
     def changes(self) -> list[Change]:
         """Return the changes of controls since the last call."""
@@ -139,7 +139,7 @@ def _run_page(pipe: Connection, port: int) -> None:
     page.close()
 
 
-def shortened(state: Snapshot) -> Snapshot:
+def truncated_state(state: Snapshot) -> Snapshot:
     """Return a state with truncated texts, whatever the names of a robot or a file."""
 
     def cut(text: str) -> str:  # without undecodable characters, as in a file's name

@@ -96,7 +96,7 @@ def read_npy(path: Path) -> list[Stream]:
     return streams_of_arrays(path, {NAMELESS_ARRAY: read_array(path)})
 
 
-def unpacked(path: Path) -> list[Stream]:
+def read_gzip_table(path: Path) -> list[Stream]:
     """Read a table that gzip packed, as .csv.gz, within the bounds of any packed file."""
     if format_named(Path(path.stem)).holds != "columns":
         raise FileFormatError(f"{path}: is packed, and no table; `gzip -d {path.name}` unpacks it")
