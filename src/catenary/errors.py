@@ -13,7 +13,7 @@ from typing import Any
 class CatenaryError(Exception):
     """Root of all errors that a user can act on.
 
-    Example:
+    Examples:
         >>> try:
         ...     catenary.load_robot("raven3")
         ... except catenary.CatenaryError as error:
@@ -32,7 +32,7 @@ class DataError(InputError):
     Attributes:
         names: Of the findings that refuse it, as `accept` takes them.
 
-    Example:
+    Examples:
         >>> q = np.random.default_rng(0).uniform(-1.0, 1.0, (500, 1)).cumsum(axis=0) / 10.0
         >>> try:
         ...     catenary.fit(q, np.rad2deg(q), units=["rad"])

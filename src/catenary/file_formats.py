@@ -75,7 +75,7 @@ FORMATS = (
     FileFormat("NumPy's array", "columns", (".npy",), marks=((0, b"\x93NUMPY"),), reader=f"{_TABLES}:read_npy"),
     FileFormat("MATLAB up to version 7", "columns", (".mat",), reader=f"{_TABLES}:read_matlab"),
     FileFormat("a table that gzip packed", "columns", (".gz",), marks=((0, b"\x1f\x8b"),),
-               reader=f"{_TABLES}:unpacked"),
+               reader=f"{_TABLES}:read_gzip_table"),
     FileFormat("a dataset of LeRobot", "columns", folder="meta/info.json", has_episodes=True,
                reader="import_formats.episode_files:read_lerobot"),
     FileFormat("a ROS 2 bag", "messages", folder="metadata.yaml", reader="bag_reader:open_recording"),

@@ -61,7 +61,7 @@ class OperatingState(NamedTuple):
 class JointState(NamedTuple):
     """What a robot reports at one instant; arrays are the receiver's own.
 
-    Example:
+    Examples:
         >>> plant = catenary.MujocoPlant(catenary.load_robot("two_link"), start=[0.3, 0.5])
         >>> state = plant.measured_js()
         >>> state.q, state.gravity
@@ -270,7 +270,7 @@ class MotionLog(OnScreen):
     Joint arrays are (N, n) in the joints' units. `q_nominal` is what the robot reports or was commanded,
     through rigid cables; `q_encoder` is where the joints really were, true only on rows where `ok` is set.
 
-    Example:
+    Examples:
         >>> log = catenary.MotionLog("run", ("J1",), ("rad",), q_nominal=np.zeros((3, 1)), ok=np.ones(3, bool))
         >>> len(log)
         3

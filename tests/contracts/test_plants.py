@@ -1,5 +1,7 @@
 """What every plant keeps to, real or simulated; a new one joins PLANTS."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -35,7 +37,10 @@ def homed_mujoco(robot: str, base: RockingBase | None = None) -> MujocoPlant:
 
 
 def unhomed_mujoco(robot: str) -> MujocoPlant:
-    plant = MujocoPlant(load_robot(robot))
+    return unhomed(MujocoPlant(load_robot(robot)))
+
+
+def unhomed(plant: Any) -> Any:
     plant.state_command("enable")
     plant.state_command("unhome")
     return plant
@@ -43,6 +48,13 @@ def unhomed_mujoco(robot: str) -> MujocoPlant:
 
 PLANTS = {
     "psm": (homed_psm, PsmPlant),
+    **{
+        robot: (
+            lambda robot=robot: open_robot(robot, Simulated()),
+            lambda robot=robot: unhomed(open_robot(robot, Simulated(homed=False))),
+        )
+        for robot in ("dvrk_mtm", "dvrk_ecm")
+    },
     "cable left": (lambda: homed_plant("left"), lambda: CablePlant(side="left")),
     "cable right": (lambda: homed_plant("right"), lambda: CablePlant(side="right")),
     "mujoco raven2": (lambda: homed_mujoco("raven2"), lambda: MujocoPlant(load_robot("raven2"))),

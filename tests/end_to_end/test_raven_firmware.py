@@ -14,7 +14,7 @@ from catenary.arrays import Floats
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.simulation.firmware import NOMINAL_GRAV_DIR, ControlState, OwnGravity, gravity_of, weigh
+from catenary.simulation.firmware import NOMINAL_GRAV_DIR, ControlState, OwnGravity, gravity_of, write_gravity_torque
 from catenary.workflows.c_header import c_header
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "raven_firmware"
@@ -80,6 +80,6 @@ def test_page_has_the_torques_that_the_file_and_the_robots_own_compensation_give
     for arm, name in enumerate(FRAME_0):
         own, control = OwnGravity(), ControlState()
         own.gravity, control.joint[:3] = gravity_of(NOMINAL_GRAV_DIR), home
-        weigh(firmware, load_robot(name).tree, own, control)
+        write_gravity_torque(firmware, load_robot(name).tree, own, control)
         for given in (by_file[arm], control.gravity_torque[:3]):
             assert_allclose(given, np.array(told, dtype=float), rtol=0.0, atol=0.5e-4)  # four digits

@@ -84,7 +84,7 @@ def test_a_base_that_was_tilted_the_other_way_is_told():
         return READER(other) if attitude.name == "pitched" else readings()[attitude.name]
 
     outcome = run_tumble(read)
-    assert any("was it tilted as told" in fault for fault in outcome.faults), outcome.faults
+    assert any("was it tilted as asked" in fault for fault in outcome.faults), outcome.faults
 
 
 R = Rotation.from_euler("XYZ", [0.3, -0.2, 1.0]).as_matrix()  # R_base_imu

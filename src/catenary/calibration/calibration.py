@@ -58,7 +58,7 @@ class Calibration(CalibrationModel):
 
     Recordings, not arrays, are corrected like its training data; `dataclasses.replace(model, mends={})` prevents it.
 
-    Example:
+    Examples:
         >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
         >>> model = catenary.fit(q, 1.03 * q, units=["rad"], model="linear")
         >>> model.joint_names, model.kind
@@ -172,7 +172,7 @@ def load_model(path: str | Path, *, own: Named | Sequence[Named] | None = None) 
         FileFormatError: It is no calibration model.
         InputError: It is of another class, or holds types of packages whose classes are not named.
 
-    Example:
+    Examples:
         >>> from pathlib import Path
         >>> from tempfile import mkdtemp
         >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
@@ -242,7 +242,7 @@ def fit(
         InputError: Arrays that do not fit together, too few rows, or options that contradict each other.
         FileFormatError: A recording is missing or damaged.
 
-    Example:
+    Examples:
         >>> t = np.linspace(0.0, 60.0, 1800)
         >>> q = np.column_stack([np.sin(t), 0.1 * np.cos(1.7 * t)])
         >>> truth = q + [0.02, 0.001] + 0.03 * q
@@ -282,7 +282,7 @@ def check_data(
     Returns:
         Findings; `fit` refuses those whose `refuses` is true, unless their `name` is accepted.
 
-    Example:
+    Examples:
         >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
         >>> [finding.name for finding in catenary.check_data(q, np.rad2deg(q), units=["rad"]) if finding.refuses]
         ['units', 'copied']
@@ -315,7 +315,7 @@ def evaluate(
         DataError: Something is wrong with the data.
         InputError: Arrays that do not fit together, or other joints than the model's.
 
-    Example:
+    Examples:
         >>> t = np.linspace(0.0, 60.0, 1800)
         >>> q = np.column_stack([np.sin(t), 0.1 * np.cos(1.7 * t)])
         >>> truth = q + [0.02, 0.001] + 0.03 * q
@@ -353,7 +353,7 @@ def refresh(
         DataError: Something is wrong with the data.
         InputError: Arrays that do not fit together, or other joints than the model's.
 
-    Example:
+    Examples:
         >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
         >>> model = catenary.fit(q, 1.03 * q, units=["rad"], model="linear")
         >>> today = catenary.refresh(model, q, 1.03 * q + 0.01)

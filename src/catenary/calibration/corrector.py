@@ -27,7 +27,7 @@ class Corrector:
 
     `correct` and `correct_state` check and copy arrays at every tick; `bind` checks those of a loop once.
 
-    Example:
+    Examples:
         >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
         >>> corrector = catenary.fit(q, 1.03 * q, units=["rad"], model="linear").corrector(rate_hz=1000.0)
         >>> corrected, inside = np.empty(1), np.empty(1, dtype=bool)

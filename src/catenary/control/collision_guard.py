@@ -13,7 +13,7 @@ class CollisionGuard:
 
     It looks at the torques that the robot reports, under the gravity of its state.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> guard = catenary.CollisionGuard(catenary.MomentumObserver(arm, deviation=[0.3, 0.3]))
         >>> plant = catenary.MujocoPlant(arm, start=[0.3, 0.5])

@@ -43,7 +43,7 @@ class ElasticPD(GravityPD):
 
     The proofs need springs and gains that are stiffer than gravity's own: see `stiffness_margin`, which is asked here.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> controller = catenary.ElasticPD(arm, [200.0, 200.0], [20.0, 20.0], stiffness=[2000.0, 1000.0])
     """

@@ -58,7 +58,7 @@ class GravityPD(GravityHold):
     PD+DG, dynamic, takes the gravity that the robot senses tick by tick (`state.gravity`), and when its base turns
     (`state.base_rates`) the whole term of a moving base. PD+SG, static, takes one vector for all times.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> controller = catenary.GravityPD(arm, kp=[200.0, 200.0], kd=[20.0, 20.0])
         >>> state = catenary.MujocoPlant(arm, start=[0.3, 0.5]).measured_js()
@@ -107,7 +107,7 @@ class EstimatedGravityPD:
     [gravity-regressor paper, section III, which prints -Kd qd: that is `damping="absolute"`; relative is ours, the same
     while the reference rests] As s_hat comes to hold the arm, the sag of a PD alone goes to zero.
 
-    Example:
+    Examples:
         >>> arm, kp, kd = catenary.load_robot("two_link"), [200.0, 200.0], [20.0, 20.0]
         >>> controller = catenary.EstimatedGravityPD(kp, kd, catenary.GravityEstimator(arm, kp, kd))
         >>> plant = catenary.MujocoPlant(arm, start=[0.3, 0.5])

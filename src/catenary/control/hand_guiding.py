@@ -38,7 +38,7 @@ class HandGuiding(GravityHold):
     gravity that noise does not explain (a load was taken up or put down), or any beyond `max_push`, makes it hold and
     weigh again. One pose does not tell how high above or below the frame a load is; each later one at rest does.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("panda")
         >>> kp = np.array([250.0, 2190.0, 122.0, 764.0, 65.0, 68.0, 12.0])
         >>> guiding = catenary.HandGuiding(arm, kp, kp / 25.0, deviation=np.full(7, 0.3), max_payload=3.0)

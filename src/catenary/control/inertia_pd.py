@@ -26,7 +26,7 @@ class InertiaPD:
     `feedback` is M(q) (kp e + kv ed), `feedforward` the rest. On a base that turns (`state.base_rates`) g(q) is the
     whole term of a moving base.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> controller = catenary.InertiaPD(arm, kp=400.0, kv=40.0)
     """

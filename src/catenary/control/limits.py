@@ -22,7 +22,7 @@ class TorqueLimits:
 
     `limited` and `not_finite` count ticks since `reset`.
 
-    Example:
+    Examples:
         >>> limits = catenary.TorqueLimits(torque=[10.0, 5.0], slew=[100.0, 50.0])
     """
 

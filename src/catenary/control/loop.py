@@ -104,7 +104,7 @@ def run_loop(
         SensorError: The source of gravity asks for a stop.
         UnsupportedSystemError: The robot is real, and this is not Linux.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> plant = catenary.MujocoPlant(arm, start=[0.3, 0.5])
         >>> plant.home()

@@ -61,7 +61,7 @@ class JointPD:
     [Spong, Hutchinson, Vidyasagar 2006, Robot modeling and control, chapter 8]
     Without gravity compensation it sags by gravity_torque / kp.
 
-    Example:
+    Examples:
         >>> plant = catenary.MujocoPlant(catenary.load_robot("two_link"), start=[0.3, 0.5])
         >>> controller = catenary.JointPD(kp=[200.0, 200.0], kd=[20.0, 20.0])
         >>> reference = catenary.Reference(np.array([0.4, 0.5]), np.zeros(2), np.zeros(2))

@@ -43,7 +43,7 @@ class Servo:
         limit: Largest size of the command [A, of full duty], or of the offset [rad].
         free_speed: w of PWM [rad/s].
 
-    Example:
+    Examples:
         >>> servo = catenary.Servo("current", gain=1.8, error=0.05, step=2.69e-3, limit=4.0)
     """
 
@@ -86,7 +86,7 @@ def servo_command(
         qd: (n,) measured [rad/s].
         deviation: Standard deviation of the torque itself [Nm], one number or (n,).
 
-    Example:
+    Examples:
         >>> servos = [catenary.Servo("current", gain=1.8, error=0.05, step=2.69e-3, limit=4.0)] * 2
         >>> command = catenary.servo_command(servos, torque=[1.2, 0.4], q=[0.3, 0.5], qd=[0.0, 0.0])
         >>> command.counts

@@ -47,7 +47,7 @@ _KINDS = (
     DialectKind(
         "raven",
         "the public RAVEN-II software's, branch crtk",
-        "topic_names:raven_topics",
+        "topic_names:raven_dialect_topics",
         "serving.raven_dialect:RavenDialect",
         has_run_levels=True,
     ),

@@ -61,7 +61,7 @@ def external_torque(
             RMS of an identification on recordings that it did not see, not the noise of a sensor alone.
         loads: Friction, rotors, springs and known torques, as `known_loads(model)`; nothing when None.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> q, still, level = [0.3, 0.5], [0.0, 0.0], [0.0, 0.0, -9.81]
         >>> measured = catenary.gravity_torque(arm, q, level) - [0.0, 1.5]
@@ -91,7 +91,7 @@ def external_wrench(
     Raises:
         InputError: Another shape, or a half-width of zero.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("puma560")
         >>> q, level = np.array([0.1, -0.8, 0.3, 0.4, 0.5, 0.6]), [0.0, 0.0, -9.81]
         >>> push = catenary.jacobian(arm, q).T @ [10.0, 0.0, 0.0, 0.0, 0.0, 0.0]
@@ -121,7 +121,7 @@ class MomentumObserver:
     What r has beyond the level of dry friction of joints that turn back, by the same filter, is noise of a standard
     deviation, or a collision: where its sum of squares over all joints is beyond chance.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> observer = catenary.MomentumObserver(arm)
         >>> q, level = np.array([0.3, 0.5]), [0.0, 0.0, -9.81]

@@ -43,7 +43,7 @@ def frame_motion(
         frame: Name of the frame; the tip when None.
         base: Motion of the base; at rest when None.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> motion = catenary.frame_motion(arm, [0.3, 0.5], [1.0, -1.0])
         >>> motion.velocity.round(3)

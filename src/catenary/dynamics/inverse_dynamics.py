@@ -39,7 +39,7 @@ class BaseMotion(NamedTuple):
     linear_acceleration - gravity. The linear velocity matters to `frame_motion` alone. Each is one vector, or one for
     every configuration.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> braking = catenary.BaseMotion(linear_acceleration=[-3.0, 0.0, 0.0])
         >>> q, still = [0.3, 0.5], [0.0, 0.0]
@@ -85,7 +85,7 @@ def inverse_dynamics(
         InputError: Another shape, or not finite.
         MissingInertiaError: A link without inertia.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> q, qd, qdd = [0.3, 0.5], [1.0, -1.0], [2.0, 0.0]
         >>> catenary.inverse_dynamics(arm, q, qd, qdd, [0.0, 0.0, -9.81]).round(3)
@@ -119,7 +119,7 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
     Returns:
         (n, n) or (N, n, n); C qd are the torques of the velocities.
 
-    Example:
+    Examples:
         >>> catenary.coriolis_matrix(catenary.load_robot("two_link"), [0.3, 0.5], [1.0, -1.0]).round(4)
         array([[0.1199, 0.    ],
                [0.1199, 0.    ]])
@@ -158,7 +158,7 @@ def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
         InputError: Another shape, or not finite.
         MissingInertiaError: A link without inertia.
 
-    Example:
+    Examples:
         >>> catenary.mass_matrix(catenary.load_robot("two_link"), [0.3, 0.5]).round(4)
         array([[1.8555, 0.3027],
                [0.3027, 0.0833]])
@@ -341,7 +341,7 @@ def forward_dynamics(
         MissingInertiaError: Links without inertia.
         InputError: A motion that moves no mass; friction that takes more than the load that it grows with.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> q, qd, level = [0.3, 0.5], [1.0, -1.0], [0.0, 0.0, -9.81]
         >>> tau = catenary.inverse_dynamics(arm, q, qd, [2.0, 0.0], level)

@@ -59,7 +59,7 @@ def inverse_kinematics(
         UnreachablePoseError: The remote centre or a joint limit refuses the pose, or the search did not reach
             it; the message says which, or how near it came.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("puma560")
         >>> pose = catenary.forward_kinematics(arm, [0.1, 0.2, -0.3, 0.4, 0.5, 0.6])
         >>> q = catenary.inverse_kinematics(arm, pose, q_start=[0.0, 0.0, 0.0, 0.3, 0.3, 0.3])

@@ -58,7 +58,7 @@ def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None
     Raises:
         InputError: Another shape, not finite, or no such frame.
 
-    Example:
+    Examples:
         >>> catenary.forward_kinematics(catenary.load_robot("puma560"), np.zeros(6)).position.round(4)
         array([ 0.4521, -0.15  ,  0.4318])
     """
@@ -109,7 +109,7 @@ def jacobian(model: RobotModel, q: ArrayLike, frame: str | None = None, point: A
     Returns:
         (6, n) or (N, 6, n).
 
-    Example:
+    Examples:
         >>> catenary.jacobian(catenary.load_robot("two_link"), [0.3, 0.5]).round(3)
         array([[-0.654, -0.359],
                [ 0.   ,  0.   ],

@@ -35,7 +35,7 @@ def gravity_kernel(model: RobotModel) -> Kernel:
     Raises:
         MissingInertiaError: Links without inertia.
 
-    Example:
+    Examples:
         >>> hold = catenary.gravity_kernel(catenary.load_robot("raven2"))
         >>> hold(np.array([0.5, 1.6, 0.4]), np.array([0.0, 0.0, -9.81])).round(3)
         array([-0.068, -0.456,  2.133])

@@ -37,7 +37,7 @@ def torque_derivatives(
         qdd: Accelerations, as `q`.
         gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> slopes = catenary.torque_derivatives(arm, [0.3, 0.5], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0, -9.81])
         >>> np.allclose(slopes.by_qdd, catenary.mass_matrix(arm, [0.3, 0.5]))

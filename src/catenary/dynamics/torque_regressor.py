@@ -51,7 +51,7 @@ def torque_regressor(
         (n, 10 n_tree) or (N, n, 10 n_tree): columns by link in the order of `model.link_names`, within a link in that
         of `PARAMETER_NAMES`.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> catenary.torque_regressor(arm, [0.3, 0.5], [1.0, 0.0], [0.0, 2.0], [0.0, 0.0, -9.81]).shape
         (2, 20)

@@ -328,7 +328,7 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     Args:
         model: The robot; needs no inertia. Turns within 1e-6 rad of quarter turns are taken as such.
 
-    Example:
+    Examples:
         >>> regressor = catenary.compact_regressor(catenary.load_robot("two_link"))
         >>> Z, s = regressor.Z([0.3, 0.5], [0.0, 0.0, -9.81]), regressor.parameters()
         >>> (Z @ s).round(3)

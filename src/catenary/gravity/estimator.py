@@ -97,7 +97,7 @@ class GravityEstimator(EstimatedGravity):
     for directions in which gravity hardly loads the joints. The law holds for arms at rest: while a joint is faster
     than `max_speed`, or a number is missing, s_hat stays.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> estimator = catenary.GravityEstimator(arm, kp=[200.0, 200.0], kd=[20.0, 20.0])
         >>> controller = catenary.EstimatedGravityPD([200.0, 200.0], [20.0, 20.0], estimator)

@@ -63,7 +63,7 @@ def export_function(
         MissingPackageError: The target's package is not installed.
         NotReadyError: JAX computes in float32.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> header = catenary.export_function(arm, "gravity", "c99")
         >>> "two_link_gravity(const double *q, const double *gravity, double *out)" in header

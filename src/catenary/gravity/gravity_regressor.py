@@ -52,7 +52,7 @@ def gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Fl
     Returns:
         (n, p) or (N, n, p), p = 3 n_tree (n_tree + 1) + number of prismatic joints.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> catenary.gravity_regressor(arm, [0.3, 0.5], [0.0, 0.0, -9.81]).shape
         (2, 18)

@@ -39,7 +39,7 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
         InputError: Another shape, or not finite.
         MissingInertiaError: A link without inertia.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("raven2")
         >>> catenary.gravity_torque(arm, [0.5, 1.6, 0.4], [0.0, 0.0, -9.81]).round(3)
         array([-0.068, -0.456,  2.133])
@@ -85,7 +85,7 @@ def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Flo
     Returns:
         () or (N,) [J].
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> level = [0.0, 0.0, -9.81]
         >>> q, step = np.array([0.3, 0.5]), 1e-6 * np.eye(2)
@@ -111,7 +111,7 @@ def center_of_mass(model: RobotModel, q: ArrayLike) -> Floats:
     Returns:
         (3,) or (N, 3) in the base frame [m].
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("panda")
         >>> catenary.center_of_mass(arm, np.zeros(arm.n)).round(3)
         array([0.023, 0.007, 0.614])
@@ -135,7 +135,7 @@ def center_of_mass_jacobian(model: RobotModel, q: ArrayLike) -> Floats:
     Returns:
         (3, n) or (N, 3, n) [m/rad or 1].
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("two_link")
         >>> q, level = [0.3, 0.5], np.array([0.0, 0.0, -9.81])
         >>> torque = -arm.tree.mass.sum() * level @ catenary.center_of_mass_jacobian(arm, q)

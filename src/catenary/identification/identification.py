@@ -274,7 +274,7 @@ def identify(
         InputError: A recording is not of this robot, in other units, or too short.
         ExcitationError: The recordings do not show all base parameters; nothing is fitted.
 
-    Example:
+    Examples:
         >>> arm, w, t = catenary.load_robot("two_link"), np.array([1.0, 1.7]), np.linspace(0.0, 20.0, 4000)[:, None]
         >>> q, qd, qdd = np.sin(w * t), w * np.cos(w * t), -w * w * np.sin(w * t)
         >>> tau = catenary.inverse_dynamics(arm, q, qd, qdd, [0.0, 0.0, -9.81])

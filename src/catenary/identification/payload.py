@@ -62,7 +62,7 @@ def estimate_payload(result: Identification, loaded: Sequence[Samples], **how: A
         loaded: Filtered rows of recordings with the load.
         **how: Further arguments of `payload_candidates`.
 
-    Example:
+    Examples:
         >>> from catenary.identification.identify_options import IdentifyOptions
         >>> from catenary.identification.samples import prepare
         >>> arm, w, t = catenary.load_robot("two_link"), np.array([1.0, 1.7]), np.linspace(0.0, 20.0, 4000)[:, None]
@@ -157,7 +157,7 @@ def locate_load(
         frames: That may carry it; every moving link that is not massless when none are named.
         masses: Relative error of the arm's masses.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("puma560")
         >>> q = np.random.default_rng(0).uniform(-1.0, 1.0, (10, 6))
         >>> loaded = arm.with_payload(arm.tip, 2.0, [0.05, 0.0, 0.05])

@@ -73,7 +73,7 @@ def read_log(
         FileFormatError: No such file, unknown kind, damaged, or something is missing.
         InputError: The numbers are not a log (shape, NaN, unit, empty), or names or units contradict the file's.
 
-    Example:
+    Examples:
         >>> from pathlib import Path
         >>> from tempfile import mkdtemp
         >>> log = catenary.MotionLog("run", ("J1",), ("rad",), q_nominal=np.zeros((3, 1)), ok=np.ones(3, bool))
@@ -191,7 +191,7 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
         log: The log.
         path: The file (.parquet).
 
-    Example:
+    Examples:
         >>> from pathlib import Path
         >>> from tempfile import mkdtemp
         >>> log = catenary.MotionLog("run", ("J1",), ("rad",), q_nominal=np.zeros((3, 1)), ok=np.ones(3, bool))

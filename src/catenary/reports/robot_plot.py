@@ -75,7 +75,7 @@ def plot(
     Returns:
         Figure; `savefig` writes it.
 
-    Example:
+    Examples:
         >>> figure = catenary.plot(catenary.load_robot("two_link"), [0.3, 0.5])
         >>> len(figure.axes)
         2

@@ -50,7 +50,7 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
         UnsupportedModelError: The file holds what a tree of one-coordinate joints cannot represent, such as a loop
             whose joints do not follow its motors linearly (`load_closed_robot`).
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("dvrk_psm")
         >>> arm.joint_names
         ('outer_yaw', 'outer_pitch', 'outer_insertion', 'outer_roll', 'outer_wrist_pitch', 'outer_wrist_yaw')

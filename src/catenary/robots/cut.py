@@ -34,7 +34,7 @@ def lock_joints(model: RobotModel, locked: Mapping[str, float]) -> RobotModel:
         InputError: An unknown coordinate, all of them, a value outside the limits or not finite, or as
             `driven_actuation`.
 
-    Example:
+    Examples:
         >>> arm = catenary.lock_joints(catenary.load_robot("puma560"), {"joint5": 0.0, "joint6": 0.0})
         >>> arm.joint_names
         ('joint1', 'joint2', 'joint3', 'joint4')
@@ -179,7 +179,7 @@ def cut_arm(model: RobotModel, base: str, tip: str, *, locked: Mapping[str, floa
     Raises:
         InputError: An unknown frame, a tip that the base does not carry, or as `lock_joints`.
 
-    Example:
+    Examples:
         >>> robot = catenary.load_robot("dual_arm_19")
         >>> arm = catenary.cut_arm(robot, robot.base, robot.tip)
         >>> robot.n, arm.n

@@ -83,7 +83,7 @@ class RobotModel(OnScreen):
     tree coordinate = coupling @ q + offset. Torques go the other way: tau = coupling.T @ tree torque.
     The base frame's z axis points up on a level base: gravity is (0, 0, -9.81) there.
 
-    Example:
+    Examples:
         >>> arm = catenary.load_robot("raven2")
         >>> arm.n, arm.joint_units
         (3, ('rad', 'rad', 'm'))

@@ -164,7 +164,7 @@ class ToolCompensation:
 
     Without `inertia` the inertial load stays in the wrench and is part of its deviation.
 
-    Example:
+    Examples:
         >>> gravity, arm = 9.81 * np.vstack([np.eye(3), -np.eye(3)]), catenary.load_robot("puma560")
         >>> tool = catenary.fit_wrist_tool(0.5 * gravity, np.cross([0.0, 0.0, 0.1], 0.5 * gravity), gravity)
         >>> compensation = catenary.ToolCompensation(arm, tool)

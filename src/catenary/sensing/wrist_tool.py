@@ -99,7 +99,7 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
         InputError: Too few poses, or a mass or centre of mass out of range, as of a wrong sign or unit.
         ExcitationError: Gravity has nearly the same direction in all poses, in the sensor's axes.
 
-    Example:
+    Examples:
         >>> gravity = 9.81 * np.vstack([np.eye(3), -np.eye(3)])
         >>> tool = catenary.fit_wrist_tool(0.5 * gravity + 1.0, np.cross([0.0, 0.0, 0.1], 0.5 * gravity), gravity)
         >>> round(tool.mass, 3), tool.center.round(3) + 0.0

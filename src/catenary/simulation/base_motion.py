@@ -35,7 +35,7 @@ class FixedBase:
         roll: About x [rad], first.
         pitch: About the rolled y axis [rad].
 
-    Example:
+    Examples:
         >>> catenary.FixedBase(roll=0.1).sample(np.zeros(1)).gravity.round(3)
         array([[ 0.   , -0.979, -9.761]])
     """

@@ -138,7 +138,7 @@ _PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: th
 class CablePlant(FirmwarePlant[TickLog]):
     """Simulated RAVEN-II arm. It must be homed and enabled to move; brakes hold it while it is not enabled.
 
-    Example:
+    Examples:
         >>> plant = catenary.CablePlant()
         >>> plant.home()
         >>> log = plant.run(np.tile(plant.setpoint_js().q, (100, 1)))

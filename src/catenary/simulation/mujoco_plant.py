@@ -198,7 +198,7 @@ class MujocoPlant(SimulatedPlant):
     the setpoint moves within the model's velocity and joint limits; after a jump that needs more than the effort
     limits, the arm lags and overshoots, as a real one does.
 
-    Example:
+    Examples:
         >>> plant = catenary.MujocoPlant(catenary.load_robot("two_link"))
         >>> plant.home()
         >>> for _ in range(500):

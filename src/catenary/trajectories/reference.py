@@ -21,7 +21,7 @@ class Reference(NamedTuple):
         qd: (n,) velocities [rad/s|m/s].
         qdd: (n,) accelerations [rad/s2|m/s2].
 
-    Example:
+    Examples:
         >>> catenary.Reference(np.array([0.1]), np.zeros(1), np.zeros(1)).q
         array([0.1])
     """

@@ -50,7 +50,7 @@ def random_sinusoids(
     Raises:
         InputError: An argument is outside its range.
 
-    Example:
+    Examples:
         >>> motion = catenary.random_sinusoids(np.random.default_rng(0), 60.0)
         >>> motion(60.0).qd
         array([0., 0., 0.])

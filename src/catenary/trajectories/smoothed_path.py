@@ -149,7 +149,7 @@ def go_to(
     Returns:
         Trajectory that ends at `q_goal` after its `duration`.
 
-    Example:
+    Examples:
         >>> motion = catenary.go_to([0.0, 0.0], [0.5, 0.2], max_velocity=[1.0, 1.0], max_acceleration=[2.0, 2.0])
         >>> motion(motion.duration).q
         array([0.5, 0.2])

@@ -113,7 +113,7 @@ def zigzag(
     Raises:
         InputError: An unknown direction or form, or an argument outside its range.
 
-    Example:
+    Examples:
         >>> motion = catenary.zigzag("J2-J3", [0.5])
         >>> round(motion.duration, 1)
         203.5

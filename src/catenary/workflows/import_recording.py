@@ -74,7 +74,7 @@ def import_recording(
     Example:
         log = import_recording("lab.bag", ["q_nominal=/PSM1/measured_js.position[0:3]"], robot="dvrk_psm")
 
-    Example:
+    Examples:
         >>> from pathlib import Path
         >>> from tempfile import mkdtemp
         >>> path, t = Path(mkdtemp()) / "run.csv", np.linspace(0.0, 30.0, 900)
@@ -170,7 +170,7 @@ def propose_mapping(
     Returns:
         The proposal; `toml` is its text, to edit and to import with.
 
-    Example:
+    Examples:
         >>> from pathlib import Path
         >>> from tempfile import mkdtemp
         >>> path, t = Path(mkdtemp()) / "run.csv", np.linspace(0.0, 30.0, 900)

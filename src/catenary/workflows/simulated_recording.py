@@ -45,7 +45,7 @@ def record_simulated(
     Raises:
         NotReadyError: The arm is not homed or enabled, or its software e-stop tripped.
 
-    Example:
+    Examples:
         >>> arm = catenary.CablePlant(seed=0)
         >>> arm.home()
         >>> path = catenary.random_sinusoids(np.random.default_rng(0), 5.0)
