@@ -28,12 +28,12 @@ def test_a_page_begins_with_what_it_is_for_and_ends_with_what_to_read_next(page:
 
 
 def test_pages_are_short() -> None:
-    """Words with a letter or a digit, of pages that people write: none beyond 2,500, all together 60,000 at most."""
+    """Words with a letter or a digit, of pages that people write: none beyond 2,200, all together 60,000 at most."""
     texts = {page.name: re.sub(r"<!--.*?-->", "", page.read_text()) for page in PAGES if page.stem != "rooms"}
     words = {
         name: sum(bool(re.search(r"\w", word)) for word in re.findall(r"[^\s|]+", text)) for name, text in texts.items()
     }
-    assert {name: count for name, count in words.items() if count > 2500} == {}
+    assert {name: count for name, count in words.items() if count > 2200} == {}
     assert sum(words.values()) <= 60_000
 
 
