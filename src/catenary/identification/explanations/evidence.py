@@ -203,8 +203,8 @@ class Evidence:
         """Return the posterior mean (m,) and covariance of a body's numbers on a link; see `Belief.carrying`.
 
         Args:
-            link, load: The link that carries the body, and the body's (10, m) in the belief.
-            fit, which, loads: The recording's fit, with index of the belief's spread and links supposed to carry a load.
+            link, load: The link that carries the body, and (10, m) of the belief.
+            fit, which, loads: Fit of the recording, index of the belief's spread, links supposed to carry a load.
         """
         mean, precision, _, _ = self._prior(which, loads)
         W, k = self.onto[self.belief.own(link)].T @ load, len(mean)
