@@ -77,9 +77,7 @@ def move_open(file: BinaryIO, path: Path, new: Path) -> None:
     Windows renames closed files only: the file is closed, and its lock lost, just before.
 
     Args:
-        file: The open file.
-        path: Its name.
-        new: Its new name.
+        file, path, new: The open file, its name, and its new name.
 
     Raises:
         PermissionError: On Windows, another program has `new` open.
@@ -117,8 +115,7 @@ def reserve(file: BinaryIO, size: int) -> None:
     """Reserve disk space for a new file; by writing zeros where the system cannot reserve.
 
     Args:
-        file: Open file.
-        size: Space [B].
+        file, size: Open file, and space [B].
 
     Raises:
         OSError: The disk is full.

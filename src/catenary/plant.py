@@ -160,8 +160,7 @@ def state_in_words(plant: Plant, state: OperatingState) -> str:
     """Return the name of a robot's operating state; of FAULT with the reason, where the robot gives one.
 
     Args:
-        plant: The robot.
-        state: Its state.
+        plant, state: The robot, and its state.
     """
     why = fault_of(plant) if state.state == "FAULT" else ""
     return f"FAULT ({why})" if why else state.state

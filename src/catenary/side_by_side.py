@@ -30,8 +30,7 @@ def part_of(progress: Progress, part: int, parts: int) -> Progress:
 
     Args:
         progress: Callback of the whole task, for 0 to 1.
-        part: Index of the part.
-        parts: Number of parts.
+        part, parts: Index of the part, and number of parts.
     """
     return lambda done: progress((part + done) / parts)
 

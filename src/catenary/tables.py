@@ -76,8 +76,7 @@ def joint_columns(joints: Sequence[tuple[str, str]], value: Callable[[Any, int],
 
     Args:
         joints: Name and unit of each joint.
-        value: Returns a record's number for the k-th joint.
-        form: Format of the number: ".2f".
+        value, form: Function from a record and k to the k-th joint's number, and its format: ".2f".
     """
 
     def column(k: int, name: str, unit: str) -> Column:

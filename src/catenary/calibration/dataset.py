@@ -167,8 +167,7 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
     """Return the notes of a recording's readers, and notes on rows that were left out.
 
     Args:
-        logs: Recordings.
-        data: Rows that were taken of them.
+        logs, data: Recordings, and the rows that were taken of them.
     """
     notes = [note for log in logs for note in log.named_notes]
     if data.every > 1:

@@ -99,8 +99,7 @@ def percent(value: float, digits: int) -> str:
     """Return a percentage as text; a dash for NaN, a percentage of nothing.
 
     Args:
-        value: Percentage.
-        digits: Decimals.
+        value, digits: Percentage, and number of decimals.
     """
     return f"{value:.{digits}f} %" if np.isfinite(value) else "-"
 

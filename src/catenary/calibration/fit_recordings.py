@@ -63,8 +63,7 @@ def fit_logs(
 
     Args:
         logs: Recordings.
-        options: Model to fit.
-        run: Rows that the fit sees, and its tests.
+        options, run: Model to fit; rows that the fit sees, and its tests.
         progress: Called with the share done, 0 to 1.
     """
     run = run if run is not None else FitRun()
@@ -79,8 +78,7 @@ def fit_recordings(
 
     Args:
         recordings: The recordings.
-        options: Model to fit.
-        run: Rows that the fit sees, and its tests.
+        options, run: Model to fit; rows that the fit sees, and its tests.
         progress: Called with the share done, 0 to 1.
 
     Raises:

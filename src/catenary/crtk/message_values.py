@@ -33,11 +33,8 @@ def joint_state_message(
     """Return a sensor_msgs/JointState.
 
     Args:
-        names: Joint names.
-        stamp: Time [ns].
-        position: (n,) [rad|m]; empty to leave it out.
-        velocity: (n,) [rad/s|m/s]; empty to leave it out.
-        effort: (n,) [Nm|N]; empty to leave it out.
+        names, stamp: Joint names, and time [ns].
+        position, velocity, effort: (n,) [rad|m], [rad/s|m/s], [Nm|N]; empty to leave it out.
     """
     values = []
     for field, given in zip(_NUMBERS, (position, velocity, effort), strict=True):
@@ -62,8 +59,7 @@ def joint_values(
     count, in our order, as the RAVEN-II takes them.
 
     Args:
-        message: The message.
-        names: Our joints.
+        message, names: The message, and our joints.
         field: "position", "velocity" or "effort".
         rest: Numbers of joints that are not named (n,); None refuses them.
 
@@ -130,8 +126,7 @@ def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = N
     """Return a geometry_msgs/PoseStamped, or a TransformStamped, as older CRTK has it.
 
     Args:
-        pose: Pose.
-        stamp: Time [ns].
+        pose, stamp: Pose, and time [ns].
         frame_id: Frame that the pose is in.
         child: Frame whose pose it is, for a TransformStamped.
     """

@@ -213,8 +213,7 @@ def node_name(program: str, given: str | None = None) -> str:
     """Return a unique node name: ROS 1 ends the older of two programs of one name.
 
     Args:
-        program: Program, for catenary_PROGRAM_PID.
-        given: Name given by the user, used in its place.
+        program, given: Program, for catenary_PROGRAM_PID; name given by the user, used instead.
 
     Raises:
         InputError: ROS cannot have the name.

@@ -62,8 +62,7 @@ def recorded_pose(path: Path, base: str, frame: str) -> Pose:
 
     Args:
         path: The recording.
-        base: Base frame.
-        frame: Frame.
+        base, frame: Names of the frames.
 
     Raises:
         InputError: No transform connects them.
@@ -82,8 +81,7 @@ def heard_pose(transport: Transport, base: str, frame: str) -> Pose:
 
     Args:
         transport: Connection.
-        base: Base frame.
-        frame: Frame.
+        base, frame: Names of the frames.
 
     Raises:
         TransportError: They are not known within three seconds.

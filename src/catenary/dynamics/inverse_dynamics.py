@@ -72,8 +72,7 @@ def inverse_dynamics(
     Args:
         model: The robot; needs inertia.
         q: Positions (n,) or (N, n) [rad or m].
-        qd: Velocities, as `q`.
-        qdd: Accelerations, as `q`.
+        qd, qdd: Velocities and accelerations, as `q`.
         gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
         base: Motion of the base, one for all rows or one a row; at rest when None.
         loads: Friction, rotors, springs and known torques to add: `known_loads(model)`; none when None.
@@ -331,8 +330,7 @@ def forward_dynamics(
         qd: Velocities, as `q`.
         tau: Torques, as `q` [Nm or N].
         gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
-        base: Motion of the base; at rest when None.
-        loads: Friction, rotors, springs and known torques: `known_loads(model)`; none when None.
+        base, loads: Motion of the base, and `known_loads(model)`; None for a base at rest and for no loads.
 
     Returns:
         (n,) or (N, n) [rad/s2 or m/s2].

@@ -144,8 +144,7 @@ def mixed(shares: Floats, means: Floats, covariances: Floats) -> tuple[Floats, F
 
     Args:
         shares: Shares of the components (N,), of sum one.
-        means: Their means (N, k).
-        covariances: Their covariances (N, k, k).
+        means, covariances: Of the components (N, k), (N, k, k).
 
     Returns:
         (k,) and (k, k).
@@ -175,8 +174,7 @@ def log_evidence(information: Floats, score: Floats) -> Floats:
     """Return the log Bayes factor log p(y | load) - log p(y | no load) of loads with a standard normal prior.
 
     Args:
-        information: Information matrices J (N, k, k).
-        score: Score vectors b (N, k).
+        information, score: Information matrices J (N, k, k), and score vectors b (N, k).
 
     Returns:
         (N,).
@@ -197,8 +195,7 @@ def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
     """Return the smallest set of hypotheses that holds 95 % of the probability, likeliest first.
 
     Args:
-        names: Hypotheses.
-        shares: Their probabilities, up to a factor.
+        names, shares: Hypotheses, and their probabilities up to a factor.
     """
     order = np.argsort([-share for share in shares], kind="stable")
     total, held, found = sum(shares), 0.0, []

@@ -87,8 +87,7 @@ def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:
     """Return the signal filter of an identification: of the options, else of the robot's file.
 
     Args:
-        model: The robot.
-        options: Options of the identification.
+        model, options: The robot, and options of the identification.
     """
     used = actuation_of(model).filter
     return used if options.cutoff_hz is None else replace(used, cutoff_hz=options.cutoff_hz)

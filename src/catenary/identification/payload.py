@@ -58,8 +58,7 @@ def estimate_payload(result: Identification, loaded: Sequence[Samples], **how: A
     """Return the likeliest payload of `payload_candidates`.
 
     Args:
-        result: Identification of the arm without a load.
-        loaded: Filtered rows of recordings with the load.
+        result, loaded: Identification of the arm without a load, and filtered rows of recordings with it.
         **how: Further arguments of `payload_candidates`.
 
     Example:

@@ -53,8 +53,7 @@ def residual_verdict(
     "drifted": otherwise.
 
     Args:
-        model: The robot.
-        samples: Filtered rows of the recording.
+        model, samples: The robot, and filtered rows of the recording.
         predicted: Predicted torques (N, n) [Nm or N].
         training: Largest relative RMS of each axis in training (n,).
         seen: Range that each joint moved over in training; unknown when None.

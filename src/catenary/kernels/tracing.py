@@ -255,9 +255,7 @@ def evaluate_line(
 
     Args:
         line: Straight-line program.
-        sine: Sine of the library.
-        cosine: Cosine of the library.
-        functions: Its other functions, by the names of `FUNCTIONS`.
+        sine, cosine, functions: Functions of the library, others by the names of `FUNCTIONS`.
         **arrays: Inputs by name.
 
     Returns:

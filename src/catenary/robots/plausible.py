@@ -44,8 +44,7 @@ def check_different(what: str, names: Sequence[str]) -> None:
     """Refuse duplicate names.
 
     Args:
-        what: What is named, which opens every message.
-        names: The names.
+        what, names: The things named, which opens every message, and their names.
 
     Raises:
         InputError: A name occurs twice.

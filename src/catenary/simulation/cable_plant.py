@@ -398,8 +398,7 @@ def of_both_arms(
     Args:
         plant: Arm whose own columns are kept.
         log: Its T ticks.
-        beside: Other arm, if any.
-        log_beside: The other arm's log of the same ticks.
+        beside, log_beside: Other arm, if any, and its log of the same ticks.
 
     Returns:
         Columns as of `telemetry_of`, with the other arm's channels and pose.

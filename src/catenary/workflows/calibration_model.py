@@ -191,8 +191,7 @@ def recording_for(model: CalibrationModel | MotionLog | None, path: Path, readin
     Args:
         model: Model, or recording that a model is fitted to, whose joint names and units hold where the recording
             states none; the recording alone when None.
-        path: The recording.
-        reading: Mapping and corrections.
+        path, reading: The recording, and its mapping and corrections.
 
     Raises:
         FileFormatError: The file is missing or damaged.

@@ -152,8 +152,7 @@ def write_motion(path: Path, joints: Jointed, time: Floats, q: Floats, qd: Float
         joints: Names and units.
         time: Times (N,) [s].
         q: Positions (N, n) [rad or m].
-        qd: Velocities, as `q`.
-        qdd: Accelerations, as `q`.
+        qd, qdd: Velocities and accelerations, as `q`.
     """
     if path.suffix.lower() == ".csv":
         named = list(zip(joints.joint_names, joints.joint_units, strict=True))

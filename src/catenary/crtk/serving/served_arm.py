@@ -1,4 +1,4 @@
-"""One arm of a CRTK server: clients' commands (moves, servo steps, torques) become one command per tick for its plant."""
+"""One arm of a CRTK server: turns clients' moves, servo steps and torques into one command per tick for its plant."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
