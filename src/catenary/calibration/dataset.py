@@ -98,7 +98,7 @@ class CalibrationData:
 
 
 def date_of(seconds: float) -> str | None:
-    """Return the day (ISO 8601, UTC) of a clock that counts from 1970; None where it is no calendar's."""
+    """Return the day (ISO 8601, UTC) of a clock that counts from 1970; None if it does not show the date."""
     return datetime.fromtimestamp(seconds, UTC).date().isoformat() if FIRST_DATE_S < seconds < _LAST_DATE_S else None
 
 

@@ -1,4 +1,4 @@
-"""How wrong the joints are, before and after, on data that the model has not seen."""
+"""Evaluation of a calibration model: joint errors before and after it, on data that it has not seen."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ from catenary.tables import Column, OnScreen, Screen, Table, in_units
 from catenary.units import DISPLAY
 
 HARM_RATIO = 1.01  # times the fixed offset's error: less is no harm
-_MIN_RECORDINGS = 3  # from which on zeros are separable from motion
+_MIN_RECORDINGS = 3  # from which zeros are separable from motion
 OUTSIDE_SHARE = 0.1  # share of rows outside a model's valid range that is worth a warning
 
 
@@ -80,7 +80,7 @@ class Evaluation(OnScreen):
 
     @property
     def held(self) -> Flags:
-        """Whether each error lies within its interval, (N, n)."""
+        """Flags (N, n) of errors within their intervals."""
         return np.asarray(np.abs(self.after_model) <= self.interval)
 
     @property

@@ -1,4 +1,4 @@
-"""What can be chosen in a fit, of the model and of the run."""
+"""Options of a fit: of the model, and of the run."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ COVERAGE = 0.9
 
 @dataclass(frozen=True)
 class FoundCables:
-    """What was found of cables (cable_paths.py)."""
+    """Properties of cables found in recordings (cable_paths.py)."""
 
     paths: tuple[tuple[str, str, str, float], ...] = ()  # as those of a FeatureSet
     slacks: tuple[tuple[str, float], ...] = ()  # position or path, half-width of its slack [rad|m]

@@ -105,7 +105,7 @@ class NewDay:
 
     @property
     def moved(self) -> str:
-        """What moved, in words."""
+        """Changes by the refresh as text."""
         return str(self.card["refreshed"][-1]["moved"])
 
     def as_data(self) -> dict[str, Any]:

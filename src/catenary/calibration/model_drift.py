@@ -58,7 +58,7 @@ class DriftFound(NamedTuple):
 
     @property
     def since(self) -> tuple[int | None, ...]:
-        """Per joint, the first of the stretches from which on the model never holds; None where the last one holds."""
+        """Per joint, the first of the stretches from which the model never holds; None where the last one holds."""
         beyond = np.array([stretch.beyond for stretch in self.stretches], dtype=bool)
         first = [1 + max(np.flatnonzero(~column).tolist(), default=-1) for column in beyond.T]
         return tuple(row if row < len(beyond) else None for row in first)

@@ -34,7 +34,7 @@ class Leverage:
     usual: float  # leverage beyond which errors grow
     factor: StoredFloats  # (m,) by which they do
     widening: StoredFloats  # (m,) times as large as on blocks of training is an error where joints meet otherwise
-    # (m,) leverage beyond usual from which on the fixed offset is expected to err less; None of files before
+    # (m,) leverage beyond usual from which the fixed offset is expected to err less; None of files before
     farthest: StoredFloats | None = None
 
 

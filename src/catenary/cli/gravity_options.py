@@ -1,4 +1,4 @@
-"""Where gravity comes from: a ROS topic, or samples of a sensor on the base."""
+"""Options of the gravity source: a ROS topic, or samples of a sensor on the base."""
 
 import math
 from collections.abc import Callable

@@ -38,7 +38,7 @@ class JointGains(NamedTuple):
 
 
 class DrivenJoints(Protocol):
-    """What a controller is made for: an arm's model, gains at its joints, motors and springs."""
+    """Parameters for controllers: an arm's model, joint gains, motors and springs."""
 
     @property
     def model(self) -> RobotModel:
@@ -50,7 +50,7 @@ class DrivenJoints(Protocol):
 
     @property
     def motor_inertia(self) -> Floats | None:
-        """What motors add to the mass matrix (n, n), if known."""
+        """The motors' contribution to the mass matrix (n, n), if known."""
 
     @property
     def stiffness(self) -> Floats | None:

@@ -32,11 +32,11 @@ class SplitController(Controller, Protocol):
 
     @property
     def feedback(self) -> Floats:
-        """What the errors asked for, (n,) [Nm|N]: the PD term."""
+        """PD term (n,) [Nm|N]."""
 
     @property
     def feedforward(self) -> Floats:
-        """What the model asked for, (n,) [Nm|N]: gravity and inertia."""
+        """Model term (n,) [Nm|N]: gravity and inertia."""
 
 
 def nominal_gravity(gravity: ArrayLike | None) -> Floats | None:

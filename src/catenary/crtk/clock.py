@@ -36,7 +36,7 @@ class Clock:
         return elapsed_ns()
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass."""
+        """Advance the time."""
         if seconds > 0.0:
             time.sleep(seconds)
 

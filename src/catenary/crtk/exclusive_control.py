@@ -42,7 +42,7 @@ class OtherCommanders:
             self.we_command()
 
     def require_none(self) -> None:
-        """Look at what has come."""
+        """Read the messages that have arrived."""
         for heard in self._heard:
             for one in heard.take_arrivals():
                 program = one.process.partition(" ")[0]
@@ -68,7 +68,7 @@ class OtherCommanders:
             self._heard.pop().close()
 
     def close(self) -> None:
-        """Hear no more."""
+        """Close all subscriptions."""
         self.we_command()
         if self._told is not None:
             self._told.close()

@@ -1,4 +1,4 @@
-"""What has arrived at a transport and waits to be looked at: bounded queues, one order of arrival for all of them."""
+"""Queues of messages that have arrived at a transport: bounded, with one order of arrival for all of them."""
 
 import threading
 from collections import deque

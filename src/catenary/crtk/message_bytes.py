@@ -27,7 +27,7 @@ _Change = Callable[[Any], Any]
 
 
 class Encoding(NamedTuple):
-    """What ROS 1's and ROS 2's bytes differ in."""
+    """Differences between the encodings of ROS 1 and ROS 2."""
 
     ros: int
     front: bytes
@@ -38,7 +38,7 @@ CDR = Encoding(2, b"\0\1\0\0")  # little-endian, no options
 
 
 class Codec(NamedTuple):
-    """How messages of one type become bytes, and bytes messages."""
+    """Codec between messages of one type and bytes."""
 
     encode: Callable[..., bytes]  # message, and for ROS 1 the number that goes into the header's `seq`
     decode: Callable[[bytes], Message]

@@ -46,7 +46,7 @@ def joint_state_message(
 
 
 def named_joints(message: Message, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return those of our joints that a sensor_msgs/JointState names, in its order."""
+    """Return the joints of ours that a sensor_msgs/JointState names, in its order."""
     return tuple(name for name in _own_names(tuple(message.name[: 2 * len(names)]), names) if name in names)
 
 

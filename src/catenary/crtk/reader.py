@@ -1,4 +1,4 @@
-"""A robot behind CRTK's topics, only listened to: nothing is advertised, and nobody has to take commands.
+"""CRTK reader: the state of a robot on CRTK topics, without publishing and without commands.
 
 So any number of programs look at one robot, and a recording that is played back (`rosbag play`) is as good as a robot.
 A RAVEN-II that publishes no operating state, as in a recording, tells it by the run level of its raven_state; a robot

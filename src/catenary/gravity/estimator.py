@@ -270,7 +270,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
 
     @property
     def load(self) -> LoadBeliefs | None:
-        """Which carrier's load has changed, as far as torques since then tell; None where none has been noticed."""
+        """Carrier whose load has changed, by the torques since then; None if no change was detected."""
         if self._unloaded is None:
             return None
         return self._hypotheses.beliefs(*self._last_pose, self._noise, _CHANGE_PER_S)

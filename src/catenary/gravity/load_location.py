@@ -1,4 +1,4 @@
-"""Which of several frames carries an unknown load: probabilities, as far as torques tell them apart.
+"""Localisation of an unknown load: the probability of each frame to carry it, from torques.
 
 A load of mass m and first moment m c on frame k changes the compact parameters by V_k (m, m c). With torques in
 standard deviations of their noise, y = Z (ds + V_k x) + noise, where ds is what is not known of the arm itself
@@ -215,7 +215,7 @@ def telling_joint(
     Args:
         regressor: Compact regressor of the robot.
         loads: One or two loads: a frame, with mass and first moment (4,) [kg, kg m].
-        q: Configuration (n,) from which one joint at a time moves within its limits [rad or m].
+        q: Configuration (n,) from whiche joint at a time moves within its limits [rad or m].
         gravity: Free-fall acceleration in base axes (3,) [m/s2].
         noise: Standard deviation of the torques (n,) [Nm|N].
 

@@ -25,7 +25,7 @@ from catenary.identification.identify_options import actuation_of
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 
-_SURE = 0.997  # probability of a load from which on one is named
+_SURE = 0.997  # probability of a load from which one is named
 _TOLD_DEVIATION = 0.3  # of a mass: a larger standard deviation, and the recordings do not tell it
 _HIDDEN_SHARE = 0.7  # of what was thought beforehand of a moment: a larger deviation, and recordings do not show it
 _RIVAL_MARGIN = 5.0  # [nats] within which something else explains torques as well as a load, and more than nothing

@@ -187,7 +187,7 @@ def _rotation_deg(matrix: Floats) -> float:
 
 
 _MIN_ORIENTATIONS = 4  # rotation and bias are six numbers, of which one rest gives three
-_MIN_FOR_SCALE = 9  # orientations from which on scale is fitted too
+_MIN_FOR_SCALE = 9  # orientations from which scale is fitted too
 _MIN_SPREAD = 0.05  # least singular value of the directions of up, relative to sqrt N
 
 

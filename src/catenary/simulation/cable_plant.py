@@ -407,9 +407,12 @@ def of_both_arms(
 
 
 def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
-    """Return T ticks of a run as telemetry, columns (T, width) by name, in SI.
+    """Return a run as telemetry, columns (T, width) by name, in SI.
 
     `pos` and `ori` are the tool's pose in frame 0 of the arm, computed from motor positions as on the robot.
+
+    Args:
+        plant, log: The arm, and its T ticks.
     """
     ticks = len(log.joint)
     side = ARM_OF_SIDE[plant.side]

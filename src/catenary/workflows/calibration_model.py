@@ -246,7 +246,7 @@ def card_history(paths: Sequence[Path], factor: float = DRIFT_FACTOR) -> DriftFo
 
     Args:
         paths: Models, or cards beside them.
-        factor: Ratio of errors from which on a model counts as drifted.
+        factor: Ratio of errors from which a model counts as drifted.
     """
     cards = [
         json_table(read_bounded(path, MOST_JSON), str(path)) if path.suffix == ".json" else load_model(path)[1]

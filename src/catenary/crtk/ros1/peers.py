@@ -230,7 +230,7 @@ class RosPublisher(Publisher, rospy.SubscribeListener):  # type: ignore[misc]  #
 
 
 class RosTopic(HeardTopic):
-    """What this process receives of one topic, by a `rospy.Subscriber`."""
+    """Subscription to one topic by a `rospy.Subscriber`."""
 
     def __init__(
         self, name: str, type_name: str, kind: type, end: Callable[[Any], None], steady: Callable[[], int]

@@ -140,7 +140,7 @@ _TRUTH_CELLS = {"true", "false"}
 NAMELESS_ARRAY = (
     "data"  # how the columns of a table without names are called, as those of a .npy: data[0], data[1], ...
 )
-_EXACT = 2.0**53  # from which on a float64 has not every whole number
+_EXACT = 2.0**53  # from which a float64 has not every whole number
 _COMMENT = re.compile(r"\s*(#|%|//)[#%/\s]*")
 _UNIT = re.compile(
     r"[\[(]?\s*(|-|1|s|sec|ms|us|µs|ns|rad|deg|°|m|mm|cm|um|nm|n|a|ma|v|hz|counts?|ticks?"

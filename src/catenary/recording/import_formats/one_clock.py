@@ -21,7 +21,7 @@ from catenary.recording.import_formats.two_clocks import FileClock, NothingInCom
 from catenary.topics import SECOND
 from catenary.verdict.delay import TOLERANCE_S
 
-DIFFERENT_CLOCKS_S = 1.0  # [s] between the clocks of two topics' stamps from which on they are no one clock
+DIFFERENT_CLOCKS_S = 1.0  # [s] between the clocks of two topics' stamps from which they are no one clock
 _FIRST_DATED_NS = 10**9 * SECOND  # [ns] below which stamps count from a zero of their own
 _BASE = "q_nominal"  # the quantity whose samples are the rows
 # of a quantity's rows, or of q_nominal's: a table that lacks more of them has the two at rates of their own

@@ -28,14 +28,14 @@ from catenary.robots.model import Frame, RobotModel
 from catenary.spatial import Pose
 from catenary.units import DISPLAY
 
-# Standard deviations [rad, m] from which on a pose is no truth of a joint: so many times the median, within these.
+# Standard deviations [rad, m] from which a pose is no truth of a joint: so many times the median, within these.
 # Errors that a model learns are some tenths of a degree; a usual tracker leaves a wrist 1 deg at 10 deg from singular
 # poses.
 _MAX_DEVIATION, _MAX_DEVIATION_MEDIANS = {"rad": np.deg2rad([1.0, 3.0]), "m": np.array([1e-3, 3e-3])}, 4.0
 _SINGULAR_REACH = {"rad": 0.1, "m": 0.02}  # by which a joint leads away from a singular pose
 _OPEN_SHARE = 1e-4  # of what other motions move a frame by: less than a measured pose tells
 _MAX_POSITION_M = 1e3  # [m] of a position: trackers write -3.7e28, or zeros, for a marker that they do not see
-_MAX_TURN_LEFT_RAD = 0.02  # [rad] left of orientations, from which on they may be written in another way
+_MAX_TURN_LEFT_RAD = 0.02  # [rad] left of orientations, from which they may be written in another way
 _UNRELATED_TURN_DEG = 30.0  # [deg] from the robot's
 _UNRELATED_WHY = (
     "and in no other way as it does: clocks seconds apart, another frame, or the tracker in the marker's axes?"
