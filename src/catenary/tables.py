@@ -114,7 +114,7 @@ def in_units(units: Iterable[str]) -> str:
 
 
 class Screen(NamedTuple):
-    """What an object shows of itself."""
+    """Contents of an object's screen: title, tables, verdict."""
 
     title: str  # a line
     tables: Sequence[Table] = ()

@@ -36,7 +36,7 @@ class Clock:
         return elapsed_ns()
 
     def sleep(self, seconds: float) -> None:
-        """Advance the time."""
+        """Sleep for some seconds; return at once if not positive."""
         if seconds > 0.0:
             time.sleep(seconds)
 

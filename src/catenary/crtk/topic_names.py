@@ -61,7 +61,7 @@ class CrtkTopic:
 
     @property
     def is_latched(self) -> bool:
-        """Whether whoever comes later gets its last message: what is said on change."""
+        """Whether the topic is latched: late subscribers get its last message."""
         is_event = is_dvrks(self.verb) and self.direction == "out" and self.type in _TOLD_ON_CHANGE
         return self.verb == "operating_state" or (is_event and self.verb != ERROR)
 

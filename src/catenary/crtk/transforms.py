@@ -1,4 +1,4 @@
-"""Where a frame is, seen from another that does not move against it: by /tf_static and /tf, live or recorded."""
+"""Pose of a frame in another one that is fixed relative to it, from /tf_static and /tf, live or recorded."""
 
 from itertools import islice
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What friction, rotors, springs and known torques ask of the actuators, as columns of a regressor."""
+"""Loads of friction, rotors, springs and known torques on the actuators, as columns of a regressor."""
 
 from typing import Any, NamedTuple
 
@@ -26,7 +26,7 @@ class ActuationLoads(NamedTuple):
 
     @property
     def rotors(self) -> Floats:
-        """What rotors add to the mass matrix (n, n)."""
+        """Contribution of rotors to the mass matrix (n, n)."""
         added = np.zeros((self.n, self.n))
         for term, value in zip(self.terms, self.values, strict=True):
             if term.kind == "motor_inertia":

@@ -27,7 +27,7 @@ _SINGULAR_RATIO = 1e-3  # of a Jacobian's largest singular value, rad and m alik
 
 
 class ExternalTorque(NamedTuple):
-    """What something outside asks of the joints, and how far it can be off in 95 of 100 cases."""
+    """External joint torques, with half-widths of their 95 % intervals."""
 
     torque: Floats  # (n,) or (N, n) [Nm or N]
     half_width: Floats  # (n,): the interval is torque - half_width to torque + half_width

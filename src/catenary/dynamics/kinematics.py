@@ -1,4 +1,4 @@
-"""Where the links and frames are, and how they move with the coordinates."""
+"""Forward kinematics: poses of links and frames, and Jacobians."""
 
 import numpy as np
 from numpy.typing import ArrayLike

@@ -1,4 +1,4 @@
-"""How torques change with positions, velocities and accelerations: exact derivatives."""
+"""Exact derivatives of torques with respect to positions, velocities and accelerations."""
 
 from typing import NamedTuple
 

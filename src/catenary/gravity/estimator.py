@@ -39,7 +39,7 @@ _MAX_STEP_S = 0.1  # [s] a longer time between two updates is a pause, in which 
 
 
 class Observed(Protocol):
-    """What an estimator reads of a control loop's tick."""
+    """Inputs of an estimator from a control loop's tick."""
 
     @property
     def time(self) -> float: ...  # noqa: D102  [s]

@@ -46,7 +46,7 @@ class CarrierBelief(NamedTuple):
 
 
 class LoadBeliefs(NamedTuple):
-    """What torques tell of a load: probabilities of all carriers and of none add up to one."""
+    """Estimate of a load from torques; probabilities of all carriers and of none add up to one."""
 
     no_load: float  # probability that nothing changed
     carriers: tuple[CarrierBelief, ...]  # the likeliest first

@@ -1,4 +1,4 @@
-"""What reversals tell of a cable: friction on both its sides, stiffness, lost motion.
+"""Cable properties from reversals: friction on both sides, stiffness, lost motion.
 
 When a motor turns back, friction holds the joint until the cable has wound up the other way. While the encoder at the
 joint stands, gravity, run-out and errors of ratio stand too: all that the motor moves stretches the cable, and all that
@@ -49,7 +49,7 @@ class Interval(NamedTuple):
 
 
 class CableLoop(NamedTuple):
-    """What a recording shows of one joint's cable, seen at the joint: rad and Nm, or m and N."""
+    """Cable properties of one joint from a recording, at the joint: rad and Nm, or m and N."""
 
     joint: str
     unit: str

@@ -211,7 +211,7 @@ class MotionLimits:
 
 @dataclass(frozen=True)
 class CheckedMotion:
-    """What holds of a motion."""
+    """Properties of a designed motion."""
 
     fault: str | None  # the first limit that it does not keep, in words
     torque: Floats | None  # (n,) largest share of the torque limits; None where masses or limits are unknown

@@ -1,4 +1,4 @@
-"""What can be chosen when a robot is identified, and what its file chooses otherwise."""
+"""Options of an identification, with defaults from the robot's file."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, get_args

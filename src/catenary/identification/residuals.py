@@ -84,7 +84,7 @@ _OUTSIDE_SHARE = 0.5  # of the squared residual on rows outside it
 
 @dataclass(frozen=True, eq=False)
 class MovedRange:
-    """How recordings moved, per joint (n,): between which positions, and how fast (RMS)."""
+    """Range of positions and RMS speed of recordings, per joint (n,)."""
 
     __pydantic_config__ = IN_FILES
 

@@ -54,12 +54,12 @@ class Line(NamedTuple):
 
     @property
     def operations(self) -> int:
-        """How many sums and products it takes."""
+        """Number of sums and products."""
         return sum(step.kind not in ("in", "sin", "cos") for step in self.steps)
 
     @property
     def angles(self) -> int:
-        """How many angles it takes the sine or cosine of."""
+        """Number of angles whose sine or cosine is computed."""
         return len({step.a for step in self.steps if step.kind in ("sin", "cos")})
 
 

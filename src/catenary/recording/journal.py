@@ -73,7 +73,7 @@ class About:
 
 
 class LeftOff(NamedTuple):
-    """Where a recording was cut off, and goes on."""
+    """Position at which an interrupted recording continues."""
 
     begins: float  # [s] of the recording, or of its motion, that are there
     part: int  # number of the next file

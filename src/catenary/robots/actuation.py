@@ -1,4 +1,4 @@
-"""What loads a robot's joints besides its links: friction, motor inertia, springs, known torques; pure data.
+"""Actuation of a robot's joints: friction, motor inertia, springs, known torques; pure data.
 
 Every effect acts along a combination c of the robot's coordinates: on s = c . q it makes the scalar load f, and the
 actuators must supply tau = c f more. So friction between two coupled joints, or of a motor behind a gear, is a term
@@ -137,7 +137,7 @@ class KnownTorque(Effect):
 
 @dataclass(frozen=True)
 class SignalFilter:
-    """How recordings of this robot are filtered: zero-phase Butterworth, ends cut."""
+    """Filter for recordings of this robot: zero-phase Butterworth, ends cut."""
 
     __pydantic_config__ = IN_FILES
 

@@ -88,7 +88,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Geometry:
-    """What a robot's links look like."""
+    """Shapes of a robot's links."""
 
     robot: str
     shapes: tuple[Shape, ...]

@@ -1,4 +1,4 @@
-"""What a robot can be at most: bounds that no arm reaches and that numbers of damaged files leave."""
+"""Plausibility bounds on a robot's numbers, which no arm reaches and damaged files exceed."""
 
 import re
 from collections.abc import Iterable, Sequence

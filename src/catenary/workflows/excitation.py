@@ -21,7 +21,7 @@ from catenary.robots.model import RobotModel
 
 @dataclass(frozen=True)
 class MotionSurroundings:
-    """What a robot's motion must not hit."""
+    """Obstacles of a robot's motion."""
 
     geometry: Geometry | None  # the robot's own shapes; None: collisions are unchecked
     obstacles: tuple[Shape, ...] = ()

@@ -97,7 +97,7 @@ def import_recording(
 
 @dataclass(frozen=True)
 class ImportedLog:
-    """What was imported into a file."""
+    """Result of an import into a file."""
 
     log: MotionLog  # which was judged: whole, or the first rows of a longer one
     rows: int

@@ -92,7 +92,7 @@ def joined(parts: Sequence[Stream]) -> Stream:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a column of numbers is found."""
+    """Place of a column of numbers: stream and name."""
 
     stream: str
     column: str

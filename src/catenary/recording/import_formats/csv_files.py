@@ -39,7 +39,7 @@ _PLACES = {"ymd": r"\1-\2-\3 ", "dmy": r"\3-\2-\1 ", "mdy": r"\3-\1-\2 "}
 
 @dataclass(frozen=True)
 class DateFormat:
-    """How the dates or times of day of a column are written."""
+    """Format of a column's dates or times of day."""
 
     order: str  # "ymd", "dmy" or "mdy"; "" for times of day without a date
     has_clock: bool
@@ -156,7 +156,7 @@ Kind = Literal["number", "whole", "truth", "date", "text"]
 
 
 class TextDialect(NamedTuple):
-    """What separates columns, and whole numbers from their decimals."""
+    """Separator of columns, and decimal separator."""
 
     separator: str  # " " for any number of blanks
     decimal: str
@@ -187,7 +187,7 @@ class TextColumn(NamedTuple):
 
 
 class TextHead(NamedTuple):
-    """How a text table is read."""
+    """Format of a text table."""
 
     dialect: TextDialect
     width: int  # cells of a row, empty ones at the end included

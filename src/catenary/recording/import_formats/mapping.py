@@ -124,7 +124,7 @@ class Signal(Settings):
 
 
 class RecordingMapping(Settings):
-    """Which columns of a recording are which quantity; see docs/how-to-bring-your-recordings.md."""
+    """Columns of a recording for each quantity; see docs/how-to-bring-your-recordings.md."""
 
     q_nominal: Quantity
     q_encoder: Quantity | None = None
