@@ -148,7 +148,7 @@ def elapsed_ns() -> int:
 
 
 def take_priority(level: int) -> Callable[[], None] | None:
-    """Take real-time priority (SCHED_FIFO), and return what gives it back; None where it is not to be had."""
+    """Take real-time priority (SCHED_FIFO), and return what gives it back; None if it is not to be had."""
     try:
         policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(level))

@@ -22,7 +22,7 @@ _CLUSTER_TIMEOUT = "10 s"  # for a cluster
 
 
 def silent(_: float) -> None:
-    """Report to nobody."""
+    """Report no progress."""
 
 
 def part_of(progress: Progress, part: int, parts: int) -> Progress:

@@ -61,7 +61,7 @@ class CalibrationData:
 
     @property
     def dates(self) -> tuple[str | None, str | None]:
-        """Days of the first and the last row (ISO 8601, UTC); None where no clock was a calendar's."""
+        """Days of the first and the last row (ISO 8601, UTC); None if no clock was a calendar's."""
         if not self.has_time or not len(self):
             return None, None
         clock = self.time + np.array(self.began)[self.recording]

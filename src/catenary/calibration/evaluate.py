@@ -35,7 +35,7 @@ class JointErrors:
     max: float
     percent_of_offset: float  # 100 rmse / offset_rmse, as the paper's table I
     outside_valid_range: float  # share of rows
-    coverage: float = math.nan  # share of rows whose error the model's interval holds; NaN where it has none
+    coverage: float = math.nan  # share of rows whose error the model's interval holds; NaN if it has none
     half_width: float = math.nan  # of the interval, median over the rows
 
 
@@ -62,7 +62,7 @@ class Evaluation(OnScreen):
     after_offset: Floats  # (N, n)
     after_model: Floats  # (N, n)
     inside: Flags  # (N, n)
-    interval: Floats  # (N, n) half-width about the calibrated position; NaN where the model has none
+    interval: Floats  # (N, n) half-width about the calibrated position; NaN if the model has none
     level: float | None  # share of errors that the interval is to hold
     window: float | None = None  # length of a time window [s, or rows]; a tenth of the data when None
 
@@ -215,7 +215,7 @@ class CrossValidation:
     inside: Flags  # (N, n) in the valid range of the model that did not see the row
     recording: Integers  # (N,) of the rows
     block: Integers  # (N,) of time, that was left out
-    zeros: Floats | None = None  # (N, n) errors of a recording of which no block is known; None of few recordings
+    zeros: Floats | None = None  # (N, n) errors with zeros from other recordings; None if recordings are few
 
     @property
     def of_others(self) -> Floats:

@@ -232,7 +232,7 @@ def _concluded(
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
-    """Return a robot's joint limits (2, n) [rad|m], or where rows went beyond them; None where it is not known."""
+    """Return a robot's joint limits (2, n) [rad|m], or where rows went beyond them; None if it is not known."""
     joints, q = list(zip(data.joint_names, data.joint_units, strict=True)), data.q_nominal
     known = [] if robot is None else list(zip(robot.joint_names, robot.joint_units, strict=True))
     if robot is None or not set(joints) <= set(known):

@@ -108,7 +108,7 @@ _KINDS = (
     ),
 )
 MODEL_KINDS: Mapping[str, ModelKind] = {kind.name: kind for kind in _KINDS}
-LEARNED = "learned"  # what is fitted unless another kind is asked for
+LEARNED = "learned"  # the default kind
 OWN = "own"
 RETIRED = ("auto", "hysteretic")  # and preset best of neural: models of files, which are no longer fitted
 

@@ -180,7 +180,7 @@ class OwnFunction(Predictor):
         return [Step(self._write, (X,), (Y,), is_compiled=False)]
 
     def _write(self, X: Floats, Y: Floats) -> None:
-        """Write outputs of rows, NaN where a feature is not finite, which few estimators take."""
+        """Write outputs of rows, NaN if a feature is not finite, which few estimators take."""
         known = np.isfinite(X).all(axis=1)
         Y[:] = np.nan
         if not known.any():

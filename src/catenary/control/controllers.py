@@ -20,7 +20,7 @@ class ControllerKind:
         name, words: Name as typed, and description in help and view.
         made_by: `module:function` of this room; the function takes (DrivenJoints, Damping, **settings).
         settings: Further arguments of that function.
-        gravity: What it takes gravity to be; None where it compensates none.
+        gravity: What it takes gravity to be; None if it compensates none.
         springs: It is for elastic joints alone.
         accelerations: Its gains are of accelerations, its own, and it follows velocities (damping relative).
     """

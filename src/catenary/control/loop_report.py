@@ -107,7 +107,7 @@ class RunningRms:
         self._counts += known
 
     def value(self) -> tuple[float, ...]:
-        """Return the RMS (n,); NaN where it never was a number."""
+        """Return the RMS (n,); NaN if it never was a number."""
         with np.errstate(invalid="ignore"):
             return tuple(np.sqrt(self._squares / self._counts).tolist())
 
@@ -176,7 +176,7 @@ class Tracking:
 
     @property
     def pd_share(self) -> Floats:
-        """RMS of the PD term over RMS of the torque, (n,); 0.1 is 10 %. NaN where no torque was sent at all."""
+        """RMS of the PD term over RMS of the torque, (n,); 0.1 is 10 %. NaN if no torque was sent at all."""
         return pd_share(self.rms_feedback, self.rms_torque)
 
     @property
@@ -221,7 +221,7 @@ class Tracking:
 
 
 def pd_share(rms_feedback: Floats, rms_torque: Floats) -> Floats:
-    """RMS of the PD term over RMS of the torque; NaN where there is no torque."""
+    """RMS of the PD term over RMS of the torque; NaN if there is no torque."""
     return np.divide(rms_feedback, rms_torque, out=np.full_like(rms_torque, np.nan), where=rms_torque > 0.0)
 
 

@@ -171,7 +171,7 @@ def _preparation(name: str, encoding: Encoding) -> _Change:
 
 
 def _prepared(field: Field, encoding: Encoding) -> _Change | None:
-    """Return the conversion of a field's value to rosbags'; None where it is unchanged."""
+    """Return the conversion of a field's value to rosbags'; None if it is unchanged."""
     length = field.length
     if field.type in NUMBERS:
         kind = np.dtype(NUMBERS[field.type])
@@ -243,7 +243,7 @@ def _completion(name: str, encoding: Encoding) -> _Change:
 
 
 def _completed(field: Field, encoding: Encoding) -> _Change | None:
-    """Return the conversion of a field's value from rosbags'; None where it is unchanged."""
+    """Return the conversion of a field's value from rosbags'; None if it is unchanged."""
     if field.type in NUMBERS:
         return None if field.length is None else np.array  # aligned, and the receiver's own
     if field.length is not None:

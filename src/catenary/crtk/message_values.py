@@ -112,7 +112,7 @@ def _own_names(given: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...
 def joint_state(
     message: Message, names: tuple[str, ...], *, gravity: ArrayLike, gravity_age: float = np.inf
 ) -> JointState:
-    """Return a sensor_msgs/JointState's, NaN where it has none; gravity (3,) [m/s2] is `gravity_age` [s] old."""
+    """Return a sensor_msgs/JointState's, NaN if it has none; gravity (3,) [m/s2] is `gravity_age` [s] old."""
     q = joint_values(message, names)
     qd, tau = (
         joint_values(message, names, field) if len(getattr(message, field)) else np.full(len(names), np.nan)

@@ -42,7 +42,7 @@ class RosArguments:
         return self.topics.get(name, name)
 
     def own_name(self, name: str) -> str | None:
-        """Return this program's name of a network topic; None where that name means another topic to it."""
+        """Return this program's name of a network topic; None if that name means another topic to it."""
         own = next((own for own, other in self.topics.items() if other == name), None)
         return own or (None if name in self.topics else name)
 

@@ -73,7 +73,7 @@ def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) ->
 
 
 def known_loads(model: RobotModel) -> ActuationLoads | None:
-    """Return the friction, rotors and springs that a robot brings with their numbers; None where they are not known."""
+    """Return the friction, rotors and springs that a robot brings with their numbers; None if they are not known."""
     actuation = model.actuation
     if actuation is None or actuation.values is None:
         return None

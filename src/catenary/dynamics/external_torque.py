@@ -36,7 +36,7 @@ class ExternalTorque(NamedTuple):
 class ExternalWrench(NamedTuple):
     """A force and a moment about a frame's origin, in base axes, that ask for given torques."""
 
-    wrench: Floats  # (6,) force [N], moment [Nm]; NaN where the arm cannot tell
+    wrench: Floats  # (6,) force [N], moment [Nm]; NaN if the arm cannot tell
     half_width: Floats  # (6,) of intervals that hold 95 of 100
 
 

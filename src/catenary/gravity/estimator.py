@@ -57,7 +57,7 @@ class EstimatedGravity:
     """Parameters of a robot's gravity that are being estimated, and the torque that they give."""
 
     def __init__(self, model: RobotModel, s0: ArrayLike | None, form: Form = "compact") -> None:
-        """Take a robot, of which only the geometry is used, and parameters (p,) to start from, zero when None."""
+        """Start from parameters (p,), zero if None; only the robot's geometry is used."""
         if form not in get_args(Form):
             raise InputError(f'form "{form}": expected one of {", ".join(get_args(Form))}')
         self.regressor = compact = compact_regressor(model)

@@ -220,7 +220,7 @@ def telling_joint(
         noise: Standard deviation of the torques (n,) [Nm|N].
 
     Returns:
-        Name of the joint, or None where the motion of no joint separates them.
+        Name of the joint, or None if the motion of no joint separates them.
     """
     model = regressor.model
     first, *others = (load_directions(regressor, frame) @ load for frame, load in loads)
@@ -242,7 +242,7 @@ def location_text(frames: Sequence[str], joint: str | None) -> str:
 
     Args:
         frames: One or more frames.
-        joint: Joint whose motion separates them; None where none does.
+        joint: Joint whose motion separates them; None if none does.
     """
     if len(frames) == 1:
         return f"on {frames[0]}"

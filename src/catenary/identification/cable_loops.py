@@ -41,7 +41,7 @@ _WINDUP_PARTS = (0.1, 0.9), (0.1, 0.5), (0.5, 0.9)  # of a wind-up
 
 
 class Interval(NamedTuple):
-    """An estimate with its 95 % interval from blocks of time; NaN where the data do not determine it."""
+    """An estimate with its 95 % interval from blocks of time; NaN if the data do not determine it."""
 
     value: float = np.nan
     low: float = np.nan

@@ -72,7 +72,7 @@ def known_rotors(model: RobotModel, options: IdentifyOptions) -> Floats:
 
 
 def rotors_beside(model: RobotModel) -> tuple[MotorInertia, ...]:
-    """Return a rotor for every joint without one; none where the robot's table does not ask for them."""
+    """Return a rotor for every joint without one; none if the robot's table does not ask for them."""
     if not actuation_of(model).find_rotors:
         return ()
     own, rows = actuation_of(model).motor_inertia, np.eye(model.n)

@@ -33,12 +33,12 @@ _RIVAL_MARGIN = 5.0  # [nats] within which something else explains torques as we
 
 @dataclass(frozen=True)
 class PayloadEstimate:
-    """A body on a link; `mass` or `moment` is None where the recordings cannot tell it."""
+    """A body on a link; `mass` or `moment` is None if the recordings cannot tell it."""
 
     link: str
     mass: float | None  # [kg]
     mass_std: float | None
-    moment: Floats | None  # (3,) mass times position [kg m], in the link's frame; NaN where it does not show
+    moment: Floats | None  # (3,) mass times position [kg m], in the link's frame; NaN if it does not show
     moment_std: Floats | None
     detected: bool
     confidence: float  # that there is a load, 0 to 1

@@ -234,7 +234,7 @@ class JointGain(NamedTuple):
     unit: str
     before: float
     after: float
-    against: str  # empty where the correction is recommended
+    against: str  # empty if the correction is recommended
 
 
 def headline(

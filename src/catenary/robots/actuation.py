@@ -186,7 +186,7 @@ class Actuation:
 
 
 class JointDrives(NamedTuple):
-    """Friction and rotors of every joint by itself, zero where nothing is known."""
+    """Friction and rotor of each joint, zero if unknown."""
 
     friction: Floats  # (n,) Coulomb [Nm or N]
     damping: Floats  # (n,) viscous [Nms/rad or Ns/m]
@@ -252,7 +252,7 @@ class StatedDrive(NamedTuple):
 
 
 def stated_actuation(joint_names: Sequence[str], drives: Sequence[StatedDrive]) -> Actuation | None:
-    """Return friction, rotors and springs with the numbers that a description states; None where it states none.
+    """Return friction, rotors and springs with the numbers that a description states; None if it states none.
 
     Coordinates of which nothing is stated have friction of zero, as everywhere to be identified. Joints that move by c
     times a coordinate load it with |c| of their Coulomb friction and c^2 of their damping, rotor and stiffness.
@@ -290,7 +290,7 @@ def joint_drives(actuation: Actuation, n: int) -> JointDrives | None:
         n: Number of joints.
 
     Returns:
-        The drives, (n,) each; None where no values are known.
+        The drives, (n,) each; None if no values are known.
     """
     if actuation.values is None:
         return None

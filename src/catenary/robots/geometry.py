@@ -67,7 +67,7 @@ class TriangleMesh:
 
 
 class MeshFile(NamedTuple):
-    """A surface in a file, which is read when distances are asked for."""
+    """A surface in a file, which is read when distances are computed."""
 
     path: Path
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)

@@ -226,7 +226,7 @@ class Explanation:
 
 
 class Hysteresis(NamedTuple):
-    """What one joint shows, in deg or mm; NaN where it moves too little, or was not measured."""
+    """What one joint shows, in deg or mm; NaN if it moves too little, or was not measured."""
 
     loop: float  # width between both ways
     slack: float  # travel of the command after a reversal until the joint follows it

@@ -104,7 +104,7 @@ class HeldAgainst:
     model: CalibrationModel
     card: Card
     recordings: Recordings  # of the model's joints, mended as its training data were; limits as asked, or as in its fit
-    accept: tuple[str, ...]  # findings about recordings to go on with, by name
+    accept: tuple[str, ...]  # names of findings about recordings to continue despite
     said: list[str]  # notes on that
 
     @property

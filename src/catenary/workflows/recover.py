@@ -26,7 +26,7 @@ class Recovery:
     """Result of a recovery."""
 
     source: Path
-    written: Path | None  # None where nothing was damaged
+    written: Path | None  # None if nothing was damaged
     rescue: Rescue
     problems: tuple[str, ...]
 

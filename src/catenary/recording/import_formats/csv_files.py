@@ -78,7 +78,7 @@ class DateFormat:
 
 
 def date_format(texts: Sequence[str]) -> DateFormat | None:
-    """Return the common date format of some texts; None where they are no dates.
+    """Return the common date format of some texts; None if they are no dates.
 
     The order of day and month is inferred from a year that comes first, a month by name, points (day first), a number
     above 12, or the shorter of the two times that would have passed.
@@ -546,7 +546,7 @@ def _arrow_type(column: TextColumn) -> pa.DataType:
 
 
 def _numbers(column: TextColumn, batch: pa.RecordBatch, carried: dict[str, tuple[int, int | None]]) -> NDArray[Any]:
-    """Return a column's cells in a batch as numbers; NaN where there is none."""
+    """Return a column's cells in a batch as numbers; NaN if there is none."""
     cells = [batch.column(str(place)) for place in column.places]
     one = cells[0]
     if column.element is not None:

@@ -190,7 +190,7 @@ def mapping_of(
     units: str | None = None,
     settings: Mapping[str, object] | None = None,
 ) -> RecordingMapping | None:
-    """Return the mapping that options give, on top of a file's, or of its content; None where there is none of them.
+    """Return the mapping that options give, on top of a file's, or of its content; None if there is none of them.
 
     Args:
         options: Such as "q_nominal=/raven/joint_cmd.position", "q_encoder=a,b,-c@deg,deg,mm", "ok=valid", "time=t@ms"

@@ -142,7 +142,7 @@ class OneClock:
         return {name: of[file_of[name]] for name in streams if file_of[name] in of}
 
     def _by_motion(self, key: str, file: str, in_si: Mapping[str, InSi], units: tuple[str, ...]) -> FileClock | None:
-        """Return the clock of a file that saw the joints; None where it may well be that of q_nominal's."""
+        """Return the clock of a file that saw the joints; None if it may well be that of q_nominal's."""
         base, its = self.samples(_BASE), self.samples(key)
         if base is None or its is None:
             return None

@@ -75,7 +75,7 @@ def pose_places(tracked: TrackedPose, streams: Sequence[Stream]) -> list[Place]:
 
 
 def positions_and_rotations(tracked: TrackedPose, values: Floats) -> tuple[Floats, Floats | None]:
-    """Return positions (M, 3) [m] and R_tracker_marker (M, 3, 3) or None; NaN where no pose was seen."""
+    """Return positions (M, 3) [m] and R_tracker_marker (M, 3, 3) or None; NaN if no pose was seen."""
     from scipy.spatial.transform import Rotation
 
     position, angles = SI[tracked.unit][1] * values[:, :3], values[:, 3:]
@@ -220,7 +220,7 @@ def joints_from_poses(
     """Return the joint positions (M, n) [rad|m] at which the robot's frame is nearest to where the marker says; notes.
 
     T_base_frame = T_base_tracker T_tracker_marker T_marker_frame; of a marker without orientation, the frame's point
-    where it sits. NaN where the pose is not finite, no joints within the limits come as near as `within_mm` and
+    where it sits. NaN if the pose is not finite, no joints within the limits come as near as `within_mm` and
     `within_deg`, or the pose does not determine the chosen joints, or hardly: see _MAX_DEVIATION.
     """
     seen = base @ Pose(np.eye(3) if poses.rotation is None else poses.rotation, poses.position)

@@ -47,7 +47,7 @@ class FileClock:
 
     ahead: float = 0.0  # [s] by which it reads more when the rows of q_nominal begin
     fast: float = 0.0  # by which it gains, 1e-6 for one ppm
-    delay: Delay | None = None  # what is left, by which it was found; None where it was given
+    delay: Delay | None = None  # what is left, by which it was found; None if it was given
 
     @property
     def is_certain(self) -> bool:
