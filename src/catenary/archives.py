@@ -72,8 +72,7 @@ def decompressed(data: bytes, kind: Literal["bz2", "lz4", "zstd"], most: int) ->
     """Return decompressed bytes, refusing more than a limit.
 
     Args:
-        data: Compressed bytes.
-        kind: Compression.
+        data, kind: Compressed bytes, and compression.
         most: Largest number of bytes that are decompressed.
 
     Raises:

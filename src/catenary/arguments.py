@@ -74,7 +74,7 @@ def _named(signature: inspect.Signature) -> inspect.Signature:
 
 
 def _name(hint: Any) -> str:
-    """Return an annotation as its author wrote it, as far as it is known."""
+    """Return an annotation as its author wrote it, if known."""
     origin, parts = get_origin(hint), get_args(hint)
     if isinstance(hint, str | ForwardRef):
         return hint if isinstance(hint, str) else hint.__forward_arg__
@@ -135,7 +135,7 @@ def _hints(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 def fits(value: Any, hint: Any) -> bool:
-    """Return True if a value agrees with an annotation, as far as that shows without using it."""
+    """Return True if a value agrees with an annotation, by what can be checked without using the value."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return fits(value, parts[0])

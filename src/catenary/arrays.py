@@ -27,8 +27,7 @@ def spread(count: int, most: int) -> Integers:
     Every k-th row would sample a periodic motion at a few of its phases, and hide its delay.
 
     Args:
-        count: Number of rows.
-        most: Largest number of indices.
+        count, most: Number of rows, and largest number of indices.
 
     Returns:
         Rising indices, (min(count, most),).
@@ -106,8 +105,7 @@ def as_positive(name: str, values: ArrayLike, shape: tuple[int | None, ...] = ()
     """Return numbers as an array (`as_array`), all above zero.
 
     Args:
-        name: The quantity, which opens every message.
-        values: Numbers.
+        name, values: Quantity, which opens every message, and its numbers.
         shape: Expected shape; None stands for any length.
 
     Raises:
@@ -123,8 +121,7 @@ def as_not_negative(name: str, values: ArrayLike, shape: tuple[int | None, ...] 
     """Return numbers as an array (`as_array`), all zero or more.
 
     Args:
-        name: The quantity, which opens every message.
-        values: Numbers.
+        name, values: Quantity, which opens every message, and its numbers.
         shape: Expected shape; None stands for any length.
         finite: Whether infinity is refused; NaN always is.
 
@@ -141,8 +138,7 @@ def one_for_all(values: ArrayLike, n: int) -> ArrayLike:
     """Return a scalar repeated for every joint; anything else unchanged.
 
     Args:
-        values: A scalar, or an array of one value a joint.
-        n: Number of joints.
+        values, n: A scalar or an array of one value per joint, and the number of joints.
 
     Returns:
         (n,) of a scalar, else `values`, which the caller checks.

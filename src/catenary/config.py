@@ -47,8 +47,7 @@ def load_toml(path: Path, schema: type[Schema]) -> Schema:
     """Read a TOML file into a schema.
 
     Args:
-        path: The file.
-        schema: Type that it is parsed into.
+        path, schema: The file, and the type that it is parsed into.
 
     Raises:
         ConfigError: No such file, no TOML, or content that the schema refuses; says where in the file.

@@ -69,8 +69,7 @@ def read_bounded(path: Path, most: int) -> bytes:
     """Return the bytes of a file within a limit.
 
     Args:
-        path: The file.
-        most: Largest size [B].
+        path, most: The file, and its largest size [B].
 
     Raises:
         FileFormatError: No such file, unreadable, or larger.
@@ -90,8 +89,7 @@ def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
     """Parse JSON text into plain data, within `MOST_JSON` and `MAX_LEVELS`.
 
     Args:
-        data: Text, or its bytes in UTF-8.
-        where: The text's source, which opens every message.
+        data, where: Text, or its bytes in UTF-8, and its source, which opens every message.
         finite: Whether NaN and infinity, which JSON does not know and Python writes, are refused.
 
     Raises:
@@ -129,8 +127,7 @@ def json_table(data: str | bytes, where: str, *, finite: bool = True) -> dict[st
     """Parse JSON text that holds a table, {"key": value, ...}.
 
     Args:
-        data: Text, or its bytes in UTF-8.
-        where: The text's source, which opens every message.
+        data, where: Text, or its bytes in UTF-8, and its source, which opens every message.
         finite: Whether NaN and infinity are refused.
 
     Raises:
@@ -155,8 +152,7 @@ def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
     """Parse TOML text into plain data, within `MOST_TOML` and `MAX_LEVELS`.
 
     Args:
-        data: Text, or its bytes in UTF-8.
-        where: The text's source, which opens every message.
+        data, where: Text, or its bytes in UTF-8, and its source, which opens every message.
 
     Raises:
         FileFormatError: No TOML, beyond the limits, or a number beyond a float64.
@@ -177,8 +173,7 @@ def xml_tree(data: str | bytes, where: str) -> Element:
     and MJCF with: a prefix need not be declared.
 
     Args:
-        data: Text, or its bytes.
-        where: The text's source, which opens every message.
+        data, where: Text, or its bytes, and its source, which opens every message.
 
     Raises:
         FileFormatError: No XML, beyond the limits, or with entities of its own, which can stand for other files and for
@@ -220,8 +215,7 @@ def xml_root_tag(data: str | bytes, where: str) -> str:
     """Return the name of the root element of XML text, without parsing the rest.
 
     Args:
-        data: Text, or its bytes.
-        where: The text's source, which opens every message.
+        data, where: Text, or its bytes, and its source, which opens every message.
 
     Raises:
         FileFormatError: Too long, or no element at all.

@@ -1,4 +1,4 @@
-"""What is known of a da Vinci PSM under the dVRK: its joints, and its topics as they are recorded."""
+"""Joints and recorded topics of a da Vinci PSM under the dVRK."""
 
 import re
 from collections.abc import Mapping

@@ -37,7 +37,7 @@ class FileFormat:
 
     @property
     def ending(self) -> str:
-        """The first of its endings, by which code tells it; empty where it has none."""
+        """The first of its endings, by which code tells it; empty if it has none."""
         return self.endings[0] if self.endings else ""
 
     def reads(self, path: Path, reader: str = "") -> Callable[..., Any]:
@@ -146,7 +146,7 @@ def copied_as_text(path: Path | str) -> str:
 
 
 def _begin(path: Path, size: int = 520) -> bytes:
-    """Return a file's first bytes; none where it is none, or cannot be opened."""
+    """Return a file's first bytes; none if it is none, or cannot be opened."""
     try:
         if path.is_file():
             with path.open("rb") as file:

@@ -94,8 +94,7 @@ def write_atomically(path: Path, content: bytes) -> None:
     """Write a file that appears whole or not at all.
 
     Args:
-        path: The file; one of that name is replaced.
-        content: Bytes.
+        path, content: The file, which is replaced if it exists, and its bytes.
 
     Raises:
         OSError: The disk is full, or the folder is not writable.

@@ -44,7 +44,7 @@ class Snapshot(NamedTuple):
     gravity: Floats | None = None  # (3,) [m/s2] in the base frame
     gravity_age: float = np.inf  # [s]; inf: nominal
     operating: OperatingState | None = None
-    fault: str = ""  # why the robot is in FAULT; empty where it does not say
+    fault: str = ""  # why the robot is in FAULT; empty if it does not say
     lower: Floats | None = None
     upper: Floats | None = None
     rate_hz: float | None = None  # at which states come

@@ -77,9 +77,7 @@ def move_open(file: BinaryIO, path: Path, new: Path) -> None:
     Windows renames closed files only: the file is closed, and its lock lost, just before.
 
     Args:
-        file: The open file.
-        path: Its name.
-        new: Its new name.
+        file, path, new: The open file, its name, and its new name.
 
     Raises:
         PermissionError: On Windows, another program has `new` open.
@@ -117,8 +115,7 @@ def reserve(file: BinaryIO, size: int) -> None:
     """Reserve disk space for a new file; by writing zeros where the system cannot reserve.
 
     Args:
-        file: Open file.
-        size: Space [B].
+        file, size: Open file, and space [B].
 
     Raises:
         OSError: The disk is full.
@@ -151,7 +148,7 @@ def elapsed_ns() -> int:
 
 
 def take_priority(level: int) -> Callable[[], None] | None:
-    """Take real-time priority (SCHED_FIFO), and return what gives it back; None where it is not to be had."""
+    """Take real-time priority (SCHED_FIFO), and return what gives it back; None if it is not to be had."""
     try:
         policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(level))

@@ -1,4 +1,4 @@
-"""What every room shares about a robot in motion: the verbs it obeys, its CRTK states, the one log type."""
+"""Robot interface (`Plant`: CRTK commands, operating states, joint states) and recordings (`MotionLog`)."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -16,18 +16,18 @@ from catenary.units import shown_rows
 from catenary.visible import visible
 
 _JOINT_UNITS = ("rad", "m")
-# a step in time is a gap where it is longer than so many median ones, and than twice what this share of the steps keep:
-# messages that come in bursts leave no gaps
+# a gap is a time step longer than so many median steps, and than twice this quantile of steps, so that messages in
+# bursts leave no gaps
 GAP_STEPS, _GAP_SHARE = 10.0, 0.95
-# rows by which a recording is known again, and how many together: single ones are alike by chance, at rest or coarse
+# number of rows that identify a recording, and of consecutive matches needed, as single rows may match by chance
 MARKS, _MIN_MARKS = 256, 8
 POSES, _SAME_POSE_SHARE = (
     64,
     0.02,
-)  # by which minutes are known again at another rate, and how near, as a share of the range
-FIRST_DATE_S = 1e9  # [s since 1970] a clock that says less is no calendar's
-_HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)  # odd, of no pattern: rows that differ in one digit have unlike hashes
-UNUSED_CHANNEL = "unused"  # channel of a RAVEN-II's arm, its fourth of eight, that drives nothing
+)  # number of poses that identify a recording at another rate, and tolerance as a share of the range
+FIRST_DATE_S = 1e9  # [s since 1970] a clock below this does not show the date
+_HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)  # odd and without pattern, so that similar rows have different hashes
+UNUSED_CHANNEL = "unused"  # fourth of eight channels of a RAVEN-II's arm, which drives nothing
 StateName = Literal["DISABLED", "ENABLED", "PAUSED", "FAULT"]
 StateCommand = Literal["enable", "disable", "pause", "resume", "home", "unhome"]
 STATE_COMMANDS: tuple[str, ...] = get_args(StateCommand)
@@ -40,9 +40,9 @@ TRANSITIONS: Mapping[StateCommand, Mapping[StateName, StateName]] = {
     "home": {"ENABLED": "ENABLED"},
     "unhome": {state: state for state in get_args(StateName)},
 }
-AT_REST = frozen(np.zeros((2, 3)))  # base_rates of a base that stands still, or whose motion nobody measures
+AT_REST = frozen(np.zeros((2, 3)))  # base_rates of a base that is fixed, or whose motion is not measured
 
-_NO_INTERVAL = frozen(np.zeros(0))  # q_interval of a state whose positions nobody has corrected
+_NO_INTERVAL = frozen(np.zeros(0))  # q_interval of a state without corrected positions
 
 
 class OperatingState(NamedTuple):
@@ -54,12 +54,12 @@ class OperatingState(NamedTuple):
 
     @property
     def is_ready(self) -> bool:
-        """Whether a robot obeys motion."""
+        """Whether a robot obeys motion commands."""
         return self.state == "ENABLED" and self.is_homed and not self.is_busy
 
 
 class JointState(NamedTuple):
-    """What a robot reports at one instant; arrays are the receiver's own.
+    """State of a robot at one instant; the receiver owns the arrays.
 
     Examples:
         >>> plant = catenary.MujocoPlant(catenary.load_robot("two_link"), start=[0.3, 0.5])
@@ -71,13 +71,13 @@ class JointState(NamedTuple):
     time: float  # [s]
     q: Floats  # (n,) [rad|m] q_nominal as measured, q_calibrated after a corrector
     qd: Floats  # (n,) [rad/s|m/s]
-    tau: Floats  # (n,) [Nm|N] joint torque that was commanded
-    q_motor: Floats  # (m,) [rad] motor shafts, empty where a robot has none
-    gravity: Floats  # (3,) [m/s2] in the base frame: free fall less the acceleration of the base's origin
-    gravity_age: float  # [s] since it was measured; inf when it is nominal
+    tau: Floats  # (n,) [Nm|N] commanded joint torque
+    q_motor: Floats  # (m,) [rad] motor shafts, empty if a robot has none
+    gravity: Floats  # (3,) [m/s2] in the base frame: free-fall acceleration less that of the base's origin
+    gravity_age: float  # [s] since it was measured; inf if it is nominal
     # (2, 3) angular velocity and acceleration of the base, in its axes [rad/s, rad/s2]
     base_rates: Floats = AT_REST
-    # (n,) half-width of an interval about q_calibrated [rad|m], NaN for a joint without; empty without corrector
+    # (n,) half-width of an interval about q_calibrated [rad|m], NaN for a joint without one; empty without corrector
     q_interval: Floats = _NO_INTERVAL
 
 
@@ -108,10 +108,10 @@ class Bounded(Jointed, Protocol):
 
 
 class Plant(Bounded, Protocol):
-    """A robot, real or simulated; the verbs are CRTK's.
+    """A robot, real or simulated, with CRTK's commands.
 
-    Verbs that a robot does not have raise UnsupportedCommandError; those in `supports` it has. A robot that is not
-    enabled and homed is never moved: the servo verbs raise NotReadyError.
+    A robot has the commands in `supports`; others raise UnsupportedCommandError. Only a robot that is enabled and homed
+    moves; otherwise the servo commands raise NotReadyError.
     """
 
     @property
@@ -142,7 +142,7 @@ class Plant(Bounded, Protocol):
         """Return the operating state."""
 
     def state_command(self, command: StateCommand) -> None:
-        """Ask for a transition of the operating state; the robot decides."""
+        """Request a transition of the operating state; the robot decides."""
 
     def telemetry(self) -> Mapping[str, Floats]:
         """Return the latest sample of every declared column, each (width,)."""
@@ -152,22 +152,21 @@ class Plant(Bounded, Protocol):
 
 
 def fault_of(plant: Plant) -> str:
-    """Return why a robot is in FAULT, as far as it tells; empty where it tells nothing."""
+    """Return the robot's reason for FAULT; empty if it reports none."""
     return str(getattr(plant, "fault_reason", ""))
 
 
 def state_in_words(plant: Plant, state: OperatingState) -> str:
-    """Return the name of a robot's operating state; of FAULT with the reason, where the robot gives one.
+    """Return the name of a robot's operating state, FAULT with the robot's reason if any.
 
     Args:
-        plant: The robot.
-        state: Its state.
+        plant, state: The robot, and its state.
     """
     why = fault_of(plant) if state.state == "FAULT" else ""
     return f"FAULT ({why})" if why else state.state
 
 
-# what a person does about a robot that does not move
+# instructions by operating state
 _WAYS_TO_ENABLED = {
     "PAUSED": ". Its pedal resumes it, or the state command resume (R in catenary teleop)",
     "DISABLED": ". Its start button enables it, or the state command enable (E in catenary teleop)",
@@ -179,12 +178,7 @@ def require_ready(plant: Plant, verb: str) -> None:
     """Refuse to move a robot that is not enabled, not homed or busy, or lacks the command.
 
     Args:
-        plant: The robot.
-        verb: CRTK command that would move it: "servo_jp", "move_jp".
-
-    Raises:
-        UnsupportedCommandError: The robot lacks the command.
-        NotReadyError: It is in another state; nothing has moved.
+        plant, verb: The robot, and the CRTK command that would move it: "servo_jp", "move_jp".
     """
     if verb not in plant.supports:
         raise UnsupportedCommandError(
@@ -203,14 +197,14 @@ def require_ready(plant: Plant, verb: str) -> None:
 
 
 class Joints(NamedTuple):
-    """Names and units of joints, in order; no units where they are not known."""
+    """Names and units of joints, in order; units are empty if unknown."""
 
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...] = ()
 
 
 class JointRanges(NamedTuple):
-    """Joints, in order, and the ranges that they move in."""
+    """Joints, in order, and their ranges of motion."""
 
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]  # rad or m
@@ -219,29 +213,24 @@ class JointRanges(NamedTuple):
 
 
 def joints_text(joints: Jointed) -> str:
-    """Return joints and their units as messages name them."""
+    """Return joints and their units as text for messages."""
     units = [f" [{unit}]" if unit else "" for unit in joints.joint_units] or [""] * len(joints.joint_names)
     return ", ".join(map("".join, zip(joints.joint_names, units, strict=True)))
 
 
 def nameless(count: int) -> tuple[str, ...]:
-    """Return J1, J2, ...: what joints are called that have no names in a file."""
+    """Return J1, J2, ..., the names of joints without names in a file."""
     return tuple(f"J{i + 1}" for i in range(count))
 
 
 def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[np.int64]:
-    """Return the index of each wanted joint among those of a robot, recording or model, matched by name.
+    """Return the index (n,) of each wanted joint among those of a robot, recording or model, matched by name.
 
-    Whenever numbers of one meet joints of another, this matches them. Units are compared where both sides have them.
+    Units are compared if both sides have them.
 
     Args:
-        wanted: Joints (names, units) to find.
-        had: Joints to find them among; there may be further ones.
-        whose: Who has them, for messages: 'recording "run"'.
-        of: Who wants them, for messages: "the model is for".
-
-    Returns:
-        Indices (n,).
+        wanted, had: Joints (names, units) to find, and those to search, which may be more.
+        whose, of: Owner of each for messages: 'recording "run"' has, "the model is for" wants.
 
     Raises:
         InputError: A joint is missing, or in another unit.
@@ -267,8 +256,8 @@ JOINT_ARRAYS = ("q_nominal", "q_reported", "q_encoder", "qd", "tau")  # of a log
 class MotionLog(OnScreen):
     """Rows of one or more recordings of the same robot, in the order in which they were taken.
 
-    Joint arrays are (N, n) in the joints' units. `q_nominal` is what the robot reports or was commanded,
-    through rigid cables; `q_encoder` is where the joints really were, true only on rows where `ok` is set.
+    Joint arrays are (N, n) in the joints' units. `q_nominal` are reported or commanded positions, computed for rigid
+    cables; `q_encoder` are true positions, valid on rows where `ok` is set.
 
     Examples:
         >>> log = catenary.MotionLog("run", ("J1",), ("rad",), q_nominal=np.zeros((3, 1)), ok=np.ones(3, bool))
@@ -283,26 +272,26 @@ class MotionLog(OnScreen):
     ok: NDArray[np.bool_]  # (N,) rows whose q_encoder can be trusted
     q_encoder: Floats | None = None  # (N, n)
     time: Floats | None = None  # (N,) [s]
-    # [s] what the recording's own clock said at time zero: since 1970 where it is a calendar's
+    # [s] reading of the recording's own clock at time zero: since 1970 if it shows the date
     began: float = 0.0
     qd: Floats | None = None  # (N, n) [rad/s or m/s]
     tau: Floats | None = None  # (N, n) [Nm or N]
-    signals: Mapping[str, Floats] = field(default_factory=dict)  # further columns, each (N,)
+    signals: Mapping[str, Floats] = field(default_factory=dict)  # other columns, each (N,)
     signal_units: Mapping[str, str] = field(default_factory=dict)
     robot: str | None = None
     simulated: bool = False
     sha256: str | None = None  # of the file that it was read from
-    units_assumed: bool = False  # the file states no units and nobody else did
-    repeated: int = 0  # rows that its reader left out, since their time stamp was there before
-    # options by which it was mended, by step and array ("shift", "sign:q_encoder"); none where the file states it
+    units_assumed: bool = False  # units were stated neither in the file nor by options
+    repeated: int = 0  # rows left out by the reader for their repeated time stamps
+    # options of corrections, by step and array ("shift", "sign:q_encoder"); empty if stated in the file
     settled: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()  # what the reader had to decide
-    q_reported: Floats | None = None  # (N, n) what the robot reports, where q_nominal is a setpoint
-    # by quantity, how long before its arrival a message was stamped, by its median, and how far messages are apart [s]
+    notes: tuple[str, ...] = ()  # decisions of the reader
+    q_reported: Floats | None = None  # (N, n) reported positions, if q_nominal is a setpoint
+    # by quantity, median time from a message's stamp to its arrival, and between messages [s]
     arrivals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", visible(self.name))  # of files, whose paths may be no text
+        object.__setattr__(self, "name", visible(self.name))  # names of files may hold any bytes
         object.__setattr__(self, "notes", tuple(map(visible, self.notes)))
         rows, n = len(self), len(self.joint_names)
         where = f'recording "{self.name}"'
@@ -323,7 +312,7 @@ class MotionLog(OnScreen):
                 continue
             if values.shape != shape:
                 raise InputError(f"{where}: {key}: expected shape {shape}, got {values.shape}")
-            # q_encoder may hold anything where ok is not set
+            # q_encoder may hold any number where ok is not set
             bad = np.zeros(0) if key in ("q_encoder", "ok") else np.argwhere(~np.isfinite(values))
             if len(bad):
                 raise InputError(
@@ -359,7 +348,7 @@ class MotionLog(OnScreen):
 
     @property
     def screen(self) -> Screen:
-        """Each joint's motion and error, and what is recorded of it."""
+        """Motion and error of each joint, and recorded quantities."""
         q, off = self.q_nominal, None if self.q_encoder is None else (self.q_encoder - self.q_nominal)[self.ok]
         rms = np.full(q.shape[1], np.nan) if off is None or not len(off) else np.sqrt(np.mean(off**2, axis=0))
         held = ", ".join(key for key in JOINT_ARRAYS if getattr(self, key) is not None)
@@ -375,7 +364,7 @@ class MotionLog(OnScreen):
         return [note if note.startswith(f"{self.name}: ") else f"{self.name}: {note}" for note in self.notes]
 
     def part(self, first: int, last: int) -> "MotionLog":
-        """Return the rows from `first` on, and before `last`."""
+        """Return the rows from `first` to before `last`."""
         if not 0 <= first < last <= len(self):
             raise InputError(f'recording "{self.name}": has rows 0 to {len(self)}, got {first}:{last}')
         arrays = {key: getattr(self, key) for key in ("ok", "time", *JOINT_ARRAYS)}
@@ -384,10 +373,7 @@ class MotionLog(OnScreen):
         return replace(self, **chosen, signals=signals)
 
     def in_order_of(self, wanted: Jointed, *, of: str) -> "MotionLog":
-        """Return the log with its joints in another order, by `places_of`; a note states the change.
-
-        Joints without names (J1, J2, ...) are taken in order.
-        """
+        """Return the log with joints in another order, by name or in order for J1, J2, ...; a note states it."""
         whose = f'recording "{self.name}"'
         if len(self.joint_names) != len(wanted.joint_names):
             raise InputError(f"{whose} has joints {joints_text(self)}; {of} {joints_text(wanted)}")
@@ -421,14 +407,14 @@ class MotionLog(OnScreen):
 
     @property
     def starts(self) -> tuple[int, ...]:
-        """Rows where a recording begins: the first, and each whose time stamp goes back."""
+        """Rows at which a recording begins: the first, and each after a step back in time."""
         if self.time is None:
             return (0,)
         return (0, *(int(i) + 1 for i in np.flatnonzero(np.diff(self.time) < 0.0)))
 
     @property
     def row_hashes(self) -> NDArray[np.uint64]:
-        """A hash of each row (N,), of what was reported, measured and exerted, in single precision: 0 if unmeasured."""
+        """Hash of each row's positions and torques (N,), in single precision; 0 if not measured."""
         arrays = [array for array in (self.q_nominal, self.q_encoder, self.tau) if array is not None]
         columns = [column for array in arrays for column in array.T]
         factors = np.cumprod(np.full(len(columns), _HASH_FACTOR, dtype=np.uint64))
@@ -440,7 +426,7 @@ class MotionLog(OnScreen):
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
-        """Hashes of some rows of each recording in it: by these it is known again in any file, cut or whole."""
+        """Hashes of some rows of each recording in the log, which identify it in any file, also if cut."""
         ends, hashes = sorted({*self.starts, *self.gaps(), len(self)}), self.row_hashes
         rows = [slice(a, b, max(1, min(len(self) // MARKS, (b - a) // _MIN_MARKS))) for a, b in pairwise(ends)]
         found = dict.fromkeys(f"{mark:x}" for part in rows for mark in hashes[part] if mark)
@@ -448,7 +434,7 @@ class MotionLog(OnScreen):
 
     @property
     def poses(self) -> tuple[tuple[float, ...], ...]:
-        """When [s since 1970] and where the arm was on some rows; none where the clock is no calendar's."""
+        """Times [s since 1970] and positions of the arm on some rows; empty if the clock does not show the date."""
         if self.time is None or self.began < FIRST_DATE_S:
             return ()
         rows = np.unique(np.linspace(0, len(self) - 1, POSES).astype(np.int64))
@@ -456,11 +442,11 @@ class MotionLog(OnScreen):
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What a card lists under `data`, by which it is known again."""
+        """Entries of a card under `data` that identify the recording."""
         return {"sha256": self.sha256, "marks": self.marks, "poses": self.poses}
 
     def was_there(self, when_and_where: ArrayLike) -> bool:
-        """Return True if the log holds `poses` at their times: minutes of the same recording, at any rate."""
+        """Return True if the log has `poses` at their times: the same recording or a part of it, at any rate."""
         poses = np.asarray(when_and_where, dtype=float)
         moved = np.ptp(self.q_nominal, axis=0) > 0.0
         if self.time is None or poses.ndim != 2 or poses.shape[1] != 1 + len(moved) or not moved.any():
@@ -477,7 +463,7 @@ class MotionLog(OnScreen):
         return bool(np.median(away.max(axis=1)) < _SAME_POSE_SHARE)
 
     def is_among(self, sources: Iterable[Mapping[str, Any]]) -> bool:
-        """Return True if the log, or minutes of it, is among the recordings listed in a card under `data`."""
+        """Return True if the log or a part of it is among the recordings listed in a card under `data`."""
         sources = list(sources)
         if self.sha256 is not None and self.sha256 in {one["sha256"] for one in sources}:
             return True
@@ -488,7 +474,7 @@ class MotionLog(OnScreen):
         return bool((np.convolve(hits, np.ones(_MIN_MARKS)) >= _MIN_MARKS).any())
 
     def gaps(self, least: float = 0.0) -> tuple[int, ...]:
-        """Return the rows behind a gap in time: a step of more than GAP_STEPS median ones, and than `least` [s]."""
+        """Return the rows after a gap in time: a step longer than GAP_STEPS median steps and than `least` [s]."""
         steps = np.diff(self.time) if self.time is not None else np.zeros(0)
         forward = steps[steps > 0.0]
         if not len(forward):

@@ -22,7 +22,7 @@ _CLUSTER_TIMEOUT = "10 s"  # for a cluster
 
 
 def silent(_: float) -> None:
-    """Report to nobody."""
+    """Report no progress."""
 
 
 def part_of(progress: Progress, part: int, parts: int) -> Progress:
@@ -30,8 +30,7 @@ def part_of(progress: Progress, part: int, parts: int) -> Progress:
 
     Args:
         progress: Callback of the whole task, for 0 to 1.
-        part: Index of the part.
-        parts: Number of parts.
+        part, parts: Index of the part, and number of parts.
     """
     return lambda done: progress((part + done) / parts)
 

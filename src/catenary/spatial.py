@@ -23,8 +23,7 @@ def cross(a: Floats, b: Floats) -> Floats:
     """Return the cross product a x b, in a tenth of the time of `np.cross`.
 
     Args:
-        a: Vector (3,), or columns (3, N).
-        b: As `a`.
+        a, b: Vectors (3,), or columns (3, N).
     """
     return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
@@ -119,8 +118,7 @@ def unit_vector(name: str, vector: ArrayLike, size: int = 3) -> Floats:
 
     Args:
         name: The quantity, which opens every message.
-        vector: Numbers (size,).
-        size: Their number.
+        vector, size: Numbers (size,), and their number.
 
     Raises:
         InputError: Another shape, not finite, or of length zero.
@@ -187,8 +185,7 @@ def angle_between(a: Floats, b: Floats) -> Floats:
     """Return the angle between vectors, exact also for nearly parallel ones.
 
     Args:
-        a: Vectors (..., 3) of any length.
-        b: As `a`.
+        a, b: Vectors (..., 3) of any length.
 
     Returns:
         Angles [rad], 0 to pi, (...,).
@@ -200,8 +197,7 @@ def as_rotation(name: str, values: ArrayLike) -> Floats:
     """Return a rotation matrix, checked to be orthonormal to 1e-6 and right-handed.
 
     Args:
-        name: The quantity, which opens every message.
-        values: Matrix (3, 3).
+        name, values: Quantity, which opens every message, and matrix (3, 3).
 
     Raises:
         InputError: Another shape, or no rotation.

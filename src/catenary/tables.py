@@ -76,8 +76,7 @@ def joint_columns(joints: Sequence[tuple[str, str]], value: Callable[[Any, int],
 
     Args:
         joints: Name and unit of each joint.
-        value: Returns a record's number for the k-th joint.
-        form: Format of the number: ".2f".
+        value, form: Function from a record and k to the k-th joint's number, and its format: ".2f".
     """
 
     def column(k: int, name: str, unit: str) -> Column:
@@ -115,7 +114,7 @@ def in_units(units: Iterable[str]) -> str:
 
 
 class Screen(NamedTuple):
-    """What an object shows of itself."""
+    """Contents of an object's screen: title, tables, verdict."""
 
     title: str  # a line
     tables: Sequence[Table] = ()

@@ -33,7 +33,7 @@ def range_bar(value: float, low: float, high: float, characters: int) -> str:
 
 
 class ClosedOutput(BrokenPipeError):
-    """Nobody reads what we write any more, as when it goes to `head`."""
+    """The reader of the output has closed it, as `head` does."""
 
 
 class VisibleStream:

@@ -1,1 +1,1 @@
-"""Where the joints of a cable-driven arm really are: models, fits, evaluation."""
+"""Calibration of the joint positions of cable-driven arms: models, fits, evaluation."""

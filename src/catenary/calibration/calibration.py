@@ -1,7 +1,7 @@
-"""Calibration in a script: arrays, motion logs or paths of logs in, a model that predicts, evaluates and is saved out.
+"""Fit, evaluate, refresh, save and load calibration models from Python: `catenary.fit`, `catenary.evaluate` and more.
 
-`catenary.fit`, `catenary.evaluate` and `catenary.load_model` are these. A motion is given as `q_nominal` (N, n), the
-positions that the robot reports, with its other quantities by name; or as a MotionLog, the path of a log, or several.
+A motion is an array `q_nominal` (N, n) of reported positions, with its other quantities as keyword arguments; or a
+MotionLog, the path of a log, or several of these.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ from catenary.verdict.finding import Finding
 from catenary.verdict.mend import AS_TRAINED
 
 Recording = MotionLog | str | Path
-_ARRAYS_NAME = "arrays"  # what the log of these is called
+_ARRAYS_NAME = "arrays"  # name of the log made of arrays
 _log = logging.getLogger(__name__)
 Motion = ArrayLike | Recording | Sequence[Recording]
 
 
 class MotionArrays(TypedDict, total=False):
-    """What else of a motion is given as arrays, where its positions q_nominal (N, n) are one."""
+    """Further arrays of a motion whose positions q_nominal (N, n) are an array."""
 
     tau: ArrayLike | None  # (N, n) joint torques [Nm|N]
     qd: ArrayLike | None  # (N, n) joint velocities [rad/s|m/s]
-    time: ArrayLike | None  # (N,) [s]; where it steps back another motion begins
+    time: ArrayLike | None  # (N,) [s]; a step back starts another motion
 
 
 @dataclass(frozen=True, repr=False)
 class Calibration(CalibrationModel):
-    """A fitted calibration model with its card: what it was fitted to, and its errors.
+    """A fitted calibration model with its card, which states the training data and the errors.
 
-    Recordings, not arrays, are corrected like its training data; `dataclasses.replace(model, mends={})` prevents it.
+    Recordings (not arrays) are corrected as its training data were; `dataclasses.replace(model, mends={})` disables it.
 
     Examples:
         >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
@@ -81,21 +81,20 @@ class Calibration(CalibrationModel):
 
         Args:
             q_nominal: (N, n) reported positions [rad|m], or recordings.
-            arrays: `tau`, `qd` and `time` where the model takes them and positions are an array; see MotionArrays.
+            arrays: `tau`, `qd` and `time` if the model takes them and positions are an array; see MotionArrays.
 
         Returns:
             (N, n) calibrated positions [rad|m]; outside the valid range the fixed offset is added.
 
         Raises:
             InputError: Another number of joints, NaN, or an input of the model is missing.
-            FileFormatError: A recording is missing or damaged.
         """
         return np.concatenate([self.calibrate(log) for log in self._logs(q_nominal, **arrays)])
 
     def predict_interval(self, q_nominal: Motion, **arrays: Unpack[MotionArrays]) -> Floats:
-        """Return half-widths (N, n) [rad|m] of intervals about what `predict` gives; arguments and errors are its.
+        """Return half-widths (N, n) [rad|m] of intervals about the calibrated positions; arguments as in `predict`.
 
-        A share of errors, `intervals.level`, is to lie within; wider outside the valid range, NaN without intervals.
+        They are to contain a share `intervals.level` of errors; NaN if the model has no intervals.
         """
         return np.concatenate([self.half_widths(log) for log in self._logs(q_nominal, **arrays)])
 
@@ -108,15 +107,7 @@ class Calibration(CalibrationModel):
         accept: Sequence[str] = (),
         **arrays: Unpack[MotionArrays],
     ) -> Evaluation:
-        """Return errors before and after the model, on data that it should not have seen.
-
-        Data with which something is wrong, such as other units, are refused: errors on them are no fault of the model.
-        Other arguments, and errors, are those of `predict` and `fit`.
-
-        Args:
-            q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
-            window: Length of a time window [s]; a tenth of the data when None.
-        """
+        """Return errors before and after the model on data that it was not fitted to; see `catenary.evaluate`."""
         recordings = self._recordings(q_nominal, q_encoder, **arrays)
         data = usable_rows(recordings, self.features)
         judge_recordings(self, recordings, accept=accept)
@@ -130,10 +121,7 @@ class Calibration(CalibrationModel):
         accept: Sequence[str] = (),
         **arrays: Unpack[MotionArrays],
     ) -> Calibration:
-        """Return the model brought up to date with minutes of a new day; its card says what moved.
-
-        Arguments are those of `evaluate`, and errors; InputError too where the model has learnt from the recording.
-        """
+        """Return the model updated with minutes of a new day; its card states what moved. See `catenary.refresh`."""
         day = refresh_with(self, self.card, self._recordings(q_nominal, q_encoder, **arrays), accept=accept)
         return _with_card(day.model, day.card)
 
@@ -148,7 +136,7 @@ class Calibration(CalibrationModel):
     def _logs(
         self, motion: Motion, q_encoder: ArrayLike | None = None, **arrays: Unpack[MotionArrays]
     ) -> list[MotionLog]:
-        """Return recordings with the model's joints, mended as its training data were, or arrays as they are."""
+        """Return recordings with the model's joints, corrected as its training data were; arrays are not corrected."""
         logs = _logs(motion, self.joint_names, self.joint_units, q_encoder, **arrays)
         if logs[0].name != _ARRAYS_NAME:
             logs = [mended_as_trained(self, self.matched(log)) for log in logs]
@@ -157,7 +145,7 @@ class Calibration(CalibrationModel):
         return [self.matched(log) for log in logs]
 
     def save(self, path: str | Path) -> None:
-        """Write the model to a file (.npz), and a readable copy of its card next to it; or FileFormatError."""
+        """Write the model to a file (.npz) and a readable copy of its card next to it."""
         save_model(self, self.card, Path(path))
 
 
@@ -165,12 +153,12 @@ def load_model(path: str | Path, *, own: Named | Sequence[Named] | None = None) 
     """Read a calibration model that `Calibration.save` or `catenary fit` wrote.
 
     Args:
-        own: Of a model of your own its class or function, or "module:name" of it; several where it is made of several.
-            Without it the model tells its card, and runs nowhere.
+        own: Class or function of a custom model, or its "module:name"; a sequence if it consists of several. Without
+            it the model shows its card but cannot run.
 
     Raises:
-        FileFormatError: It is no calibration model.
-        InputError: It is of another class, or holds types of packages whose classes are not named.
+        FileFormatError: The file is not a calibration model.
+        InputError: The model is of another class, or holds types of packages whose classes are not named.
 
     Examples:
         >>> from pathlib import Path
@@ -208,37 +196,36 @@ def fit(
     progress: Progress = silent,
     **arrays: Unpack[MotionArrays],
 ) -> Calibration:
-    """Fit a calibration model: what to add to the reported joint positions.
+    """Fit a calibration model: the correction that is added to the reported joint positions.
 
     Args:
         q_nominal: (N, n) reported positions [rad|m], rows in the order of time; or recordings.
         q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
         units: "rad" or "m" per joint; needed for arrays.
-        joint_names: Names of the joints; J1, J2, ... when None.
+        joint_names: Names of the joints; J1, J2, ... if None.
         model: "learned", or one of the papers': "offset", "linear", "polynomial" or "neural". Or your own: an estimator
-            with scikit-learn's fit, predict and get_params, of which clones are fitted, or a function from features
-            (N, F), positions and torques unless `inputs` says so, to what `target` says (N, n) [rad|m].
+            with scikit-learn's fit, predict and get_params, whose clones are fitted; or a function that maps features
+            (N, F) to the `target` (N, n) [rad|m].
         preset: For "neural": "paper".
-        inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques when None
-            (for "learned" and your own those of its joints alone).
-        play: Half-widths of play states as shares of each joint's range; see FitOptions. An estimator of your own takes
-            the features of "learned"; with () what is recorded alone.
-        target: "error", or "position" for a model end to end.
+        inputs: Groups ("q", "tau", "qd"), signals ("q:J1"), or these per joint; positions and torques if None
+            (for "learned" and your own, of the model's joints only).
+        play: Half-widths of play states as shares of each joint's range; see FitOptions. Your own estimator takes the
+            features of "learned", or with () only the recorded signals.
+        target: "error", or "position" for an end-to-end model.
         ridge: Weight on the squared coefficients of a regression.
         max_error: Leave out rows with larger errors, per joint in deg and mm.
-        held_out: Share at the end of each recording that is kept from the fit; the card then has the errors on it.
-        folds: Blocks of time of the cross-validation; 0 for none, which is fast and leaves out the intervals.
-        coverage: Share of errors that the intervals about calibrated positions are to hold.
-        robot: Its name, for the card; the recordings' when None.
+        held_out: Share at the end of each recording that is excluded from the fit; the card states the errors on it.
+        folds: Time blocks of the cross-validation; 0 for none, which is fast but gives no intervals.
+        coverage: Share of errors that the intervals about calibrated positions are to contain.
+        robot: Name of the robot for the card; that of the recordings if None.
         seed: Random seed of a network's training.
-        coupled: Joints that friction couples; found in the recordings when None, none when empty.
+        coupled: Joints that friction couples; found in the recordings if None, none if empty.
         accept: Names of findings of `check_data` to continue despite.
         progress: Called with the share done.
-        arrays: What else is known, where positions are an array: torques are taken as inputs, velocities when `inputs`
-            says so.
+        arrays: `tau` and `qd` (N, n), `time` (N,), if positions are an array; torques are inputs by default.
 
     Raises:
-        DataError: Something is wrong with the data; the message says what, how to fix it, and how to accept it.
+        DataError: Something is wrong with the data; the message states what, how to fix it, and how to accept it.
         InputError: Arrays that do not fit together, too few rows, or options that contradict each other.
         FileFormatError: A recording is missing or damaged.
 
@@ -272,15 +259,11 @@ def check_data(
     """Return findings about recordings, most severe first, before a model is fitted to them.
 
     Args:
-        q_nominal: (N, n) reported positions [rad|m], rows in the order of time; or recordings.
-        q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
-        units: "rad" or "m" per joint; needed for arrays.
-        joint_names: Names of the joints; J1, J2, ... when None.
-        robot: Catalogue name or file, whose limits positions are compared with.
-        **arrays: As of `fit`.
+        q_nominal, q_encoder, units, joint_names, **arrays: As in `fit`.
+        robot: Catalogue name or file of the robot whose limits positions are compared with.
 
     Returns:
-        Findings; `fit` refuses those whose `refuses` is true, unless their `name` is accepted.
+        Findings; `fit` refuses data with a finding whose `refuses` is true, unless its `name` is accepted.
 
     Examples:
         >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
@@ -301,18 +284,15 @@ def evaluate(
     accept: Sequence[str] = (),
     **arrays: Unpack[MotionArrays],
 ) -> Evaluation:
-    """Return a model's errors on data that it should not have seen: `Calibration.evaluate`, also of a model's file.
+    """Return a model's errors on data that it was not fitted to, beside the errors without it and with a fixed offset.
 
     Args:
-        model: Model, or its file; a function of your own, as `fit` takes it, is evaluated beside its own fixed offset.
-        q_nominal: (N, n) reported positions [rad|m], rows in the order of time; or recordings.
-        q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
-        window: Length of a time window of the report [s]; a tenth of the data when None.
-        accept: Names of findings of `check_data` to continue despite.
-        **arrays: As of `fit`.
+        model: Model or its file; or a function of your own, as in `fit`.
+        q_nominal, q_encoder, accept, **arrays: As in `fit`.
+        window: Length of a time window of the report [s]; a tenth of the data if None.
 
     Raises:
-        DataError: Something is wrong with the data.
+        DataError: Something is wrong with the data, such as other units.
         InputError: Arrays that do not fit together, or other joints than the model's.
 
     Examples:
@@ -340,18 +320,15 @@ def refresh(
     accept: Sequence[str] = (),
     **arrays: Unpack[MotionArrays],
 ) -> Calibration:
-    """Return a model updated with minutes of a new day: `Calibration.refresh`, also of a model's file.
+    """Return a model updated with minutes of a new day.
 
     Args:
-        model: Model, or its file.
-        q_nominal: (N, n) reported positions [rad|m], rows in the order of time; or recordings.
-        q_encoder: (N, n) true positions [rad|m]; NaN on rows without a measurement. Recordings have their own.
-        accept: Names of findings of `check_data` to continue despite.
-        **arrays: As of `fit`.
+        model: Model or its file.
+        q_nominal, q_encoder, accept, **arrays: As in `fit`.
 
     Raises:
         DataError: Something is wrong with the data.
-        InputError: Arrays that do not fit together, or other joints than the model's.
+        InputError: Other joints than the model's, or a recording that the model was fitted to.
 
     Examples:
         >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
@@ -378,7 +355,7 @@ def _logs(
     qd: ArrayLike | None = None,
     time: ArrayLike | None = None,
 ) -> list[MotionLog]:
-    """Return recordings as logs; arrays become one."""
+    """Return recordings as logs; arrays become one log."""
     quantities = {"q_encoder": q_encoder, "tau": tau, "qd": qd, "time": time}
     recordings = [motion] if isinstance(motion, Recording) else motion
     if isinstance(recordings, Sequence) and recordings and all(isinstance(item, Recording) for item in recordings):

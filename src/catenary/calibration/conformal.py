@@ -1,15 +1,15 @@
-"""Half-widths that hold a stated share of a model's errors, from errors that it left on blocks of time; and a check.
+"""Conformal prediction intervals from a model's errors on held-out blocks of time, and a test of their coverage.
 
 The scores are absolute errors on blocks of time, each predicted by a model that was not fitted to it (cross-conformal
 prediction: Vovk, Annals of Mathematics and AI 74, 2015; Barber et al., Predictive inference with the jackknife+,
-Annals of Statistics 49, 2021). Errors within a block depend on each other strongly, so rows are not exchangeable;
-blocks nearly are. The half-width is that of hierarchical conformal prediction (Lee, Barber and Willett, arXiv
-2306.06342; Dunn, Wasserman and Ramdas, JASA 118, 2023): the quantile of the scores in which each of K blocks weighs
-1 / (K + 1), shared by its rows, and 1 / (K + 1) lies at infinity, for the block to come.
+Annals of Statistics 49, 2021). Errors within a block are strongly dependent, so rows are not exchangeable, but blocks
+nearly are. The half-width is that of hierarchical conformal prediction (Lee, Barber and Willett, arXiv 2306.06342;
+Dunn, Wasserman and Ramdas, JASA 118, 2023): the quantile of the scores in which each of K blocks weighs 1 / (K + 1),
+shared by its rows, and infinity weighs 1 / (K + 1), for the new block.
 
-A row of a new block would lie within it with at least the stated probability, were blocks exchangeable: but arms drift,
-blocks must be long beside their memory (Oliveira et al., JMLR 25, 2024), and the final model is fitted to all. It is a
-statement on all rows together, not on each pose. One stretch holds more or less: `expected` states between what.
+If blocks were exchangeable, an interval would contain a row of a new block with at least the stated probability. This
+is approximate: arms drift, blocks must be longer than their memory (Oliveira et al., JMLR 25, 2024), and the final
+model is fitted to all blocks. It holds on average over rows, not at each pose; `expected` gives one stretch's range.
 """
 
 import math
@@ -26,20 +26,20 @@ from catenary.plant import MotionLog
 from catenary.units import TO_SI
 from catenary.verdict.delay import SHARP, Delay
 
-_BLOCKS_OUTSIDE = 5  # worth of errors that may lie outside: the block to come then adds a fifth to what is free
+_BLOCKS_OUTSIDE = 5  # blocks that 1 - level amounts to: the new block then takes a fifth of the share outside
 _MIN_BLOCKS = 10
-_MIN_BLOCK_ROWS = 4  # of a block
-_CHANCE_PROBABILITY = 0.05  # a coverage that is less likely than this under the stated one is not laid to chance
-_STRETCH_PROBABILITY = 0.9  # share of stretches whose error and coverage lie between what is stated
-_PROMISE_PROBABILITY = 0.95  # of other minutes of a day, whose RMSE lies in what is stated
+_MIN_BLOCK_ROWS = 4
+_CHANCE_PROBABILITY = 0.05  # a coverage less likely than this under the stated one is not attributed to chance
+_STRETCH_PROBABILITY = 0.9  # share of stretches whose error and coverage are in the stated ranges
+_PROMISE_PROBABILITY = 0.95  # share of other minutes of a day whose RMSE is in the stated range
 _LEAST_SQUARE = 1e-24  # [rad2|m2] below any error
-_MAX_LOG_ERROR = math.log(10.0)  # of a promise: nothing is known
-_FITTED_WEIGHT = 0.368  # weight of the error on the rows that were fitted to, in the .632 estimate
-_STANDING_SHARE = 0.1  # of a joint's usual speed, below which it stands
-# a speed is even whose mean squared is nearly the mean of its square (.98 on zig-zags, .5 to .94 on random motion), or
-# that is within a tenth of its median on most rows (.75 of a zig-zag with half a minute of random motion, .1 of that)
+_MAX_LOG_ERROR = math.log(10.0)  # largest half-width of a stated range of log RMSE, with which nothing is known
+_FITTED_WEIGHT = 0.368  # weight of the training error in the .632 estimate
+_STANDING_SHARE = 0.1  # share of a joint's RMS speed below which it stands still
+# speed is even if its squared mean is nearly its mean square (.98 on zig-zags, .5 to .94 on random motion), or if it is
+# within a tenth of its median on most rows (.75 of a zig-zag with half a minute of random motion, .1 of random motion)
 _EVEN, _EVEN_WITHIN, _EVEN_SHARE = 0.95, 0.1, 0.5
-COVERAGE_LENIENCE = 0.5  # share of what may lie outside by which a coverage may miss: 85 % of 90 %
+COVERAGE_LENIENCE = 0.5  # share of 1 - level by which a coverage may fall short: 85 % for 90 %
 
 Verdict = Literal["held", "below, which may be chance", "too narrow"]
 
@@ -47,10 +47,11 @@ Verdict = Literal["held", "below, which may be chance", "too narrow"]
 def estimate_intervals(
     errors: CrossValidation, *, level: float = 0.9, growth: Floats | float = 1.0
 ) -> Intervals | None:
-    """Return half-widths for a model from the errors of its cross-validation; None where there are too few rows.
+    """Return half-widths for a model from the errors of its cross-validation, or None if there are too few rows.
 
-    Inside the valid range they are of rows inside the ranges of the folds' models; outside, and where hardly a block
-    has rows inside, of the fixed offset on all rows. Errors count over the `growth` (N, n) of the model's intervals.
+    Half-widths inside the valid range come from rows inside the ranges of the folds' models; those outside come from
+    the fixed offset's errors on all rows, as do those inside if too few blocks have such rows. Errors are divided by
+    the `growth` (N, n) of the model's intervals.
     """
     check_level(level)
     block = time_blocks(errors.recording, level=level)
@@ -69,14 +70,14 @@ def estimate_intervals(
 
 
 class DelayMargin(NamedTuple):
-    """What errors on blocks of time do not show of joints whose measurement may be late by itself, each (n,)."""
+    """Error from a delay of single joints' measurements that errors on blocks of time do not show, each (n,)."""
 
-    late: Floats  # [s], or rows of recordings without stamps; 0 where motion tells
-    rms: Floats  # [rad|m] that it may add at most
-    within: Floats  # [rad|m] in which a share of it lies, as errors do in their intervals
+    late: Floats  # largest delay [s], or rows of recordings without stamps; 0 if the motion determines it
+    rms: Floats  # [rad|m] RMS error that the delay may add at most
+    within: Floats  # [rad|m] half-width that contains this error with the intervals' probability
 
     def in_intervals(self, intervals: Intervals) -> Intervals:
-        """Return intervals that hold it, too."""
+        """Return intervals widened by this error."""
         inside, outside = (np.hypot(width, self.within) for width in (intervals.inside, intervals.outside))
         return replace(intervals, inside=inside, outside=outside)
 
@@ -84,12 +85,12 @@ class DelayMargin(NamedTuple):
 def unseen_by_blocks(
     logs: Sequence[MotionLog], delays: Sequence[Delay | None], errors: CrossValidation, level: float
 ) -> DelayMargin:
-    """Return the error that a joint's own delay may add where its motion does not determine it (`Delay.alone`).
+    """Return the error that a joint's own delay may add if its motion does not determine that delay (`Delay.alone`).
 
-    A measurement may be late by itself, none is ahead by itself. At even speed a fit takes all of a lag for hysteresis.
-    At uneven speed it leaves what does not go with the direction, on blocks, which bounds the rest; and intervals hold
-    the delay that is in the middle of what it may be. Sensors of several recordings are one: each recording tells of
-    all, unless they contradict each other.
+    A single joint's measurement may be late, never early. At even speed a fit absorbs all of the lag as hysteresis. At
+    uneven speed the part that does not follow the direction remains in the errors on blocks and bounds the rest; then
+    intervals allow for the middle of the delay's interval. Recordings are assumed to share their sensors, so that their
+    intervals are intersected, unless they contradict each other.
     """
     speeds = np.concatenate([_speeds(log) for log in logs])
     rms, within = np.sqrt(np.mean(speeds**2, axis=0)), np.quantile(speeds, level, axis=0)
@@ -114,7 +115,7 @@ def unseen_by_blocks(
 
 
 def _speeds(log: MotionLog) -> Floats:
-    """Return the speeds between neighbouring rows, (M, n) [rad/s|m/s], or per row without stamps."""
+    """Return speeds between neighbouring rows (M, n) [rad/s|m/s], or per row without stamps."""
     moved = np.abs(np.diff(log.q_nominal, axis=0))
     if log.time is None:
         return moved
@@ -126,19 +127,19 @@ def _speeds(log: MotionLog) -> Floats:
 
 def expected(
     errors: CrossValidation,
-    fitted: Floats,  # (N, n) errors of the model on the rows that it was fitted to [rad|m]
-    intervals: Intervals | None,  # whose coverage is to be stated; none without
-    widening: Floats | float = 1.0,  # (n,) times as large as on the blocks is an error where joints meet otherwise
-    growth: Floats | float = 1.0,  # (N, n) as for `estimate_intervals`
-    unseen: DelayMargin | None = None,  # that the model's intervals hold beyond these
+    fitted: Floats,  # (N, n) errors of the model on its training rows [rad|m]
+    intervals: Intervals | None,  # whose coverage is stated
+    widening: Floats | float = 1.0,  # (n,) factor on errors for other combinations of joint positions
+    growth: Floats | float = 1.0,  # (N, n) as in `estimate_intervals`
+    unseen: DelayMargin | None = None,  # margin of the model's intervals that `intervals` lack
 ) -> tuple[Spread, ...]:
-    """Return the spread over blocks with what it lets expect of another stretch as long as the data.
+    """Return the spread over blocks with the RMSE and coverage to expect on another stretch as long as the data.
 
-    Its mean differs from that of these as two means of K parts do, by Student's distribution; a part's variance, of the
-    logarithm of its RMSE or of the share held, is the mean of the joints'. The model itself, which saw more rows than
-    those of the blocks, may err as little as the .632 estimate (Efron, JASA 78, 1983), and so may one whose zero of the
-    recording is known; at most it errs as where whole recordings were left out, which are then the parts. In the margin
-    of the valid range its error is at most that of the fixed offset.
+    The new stretch's mean differs from the data's as two means of K parts do, by Student's distribution; the variance
+    of a part's log RMSE or coverage is averaged over joints. The lower bound of the RMSE is the .632 estimate (Efron,
+    JASA 78, 1983), as the model saw more rows than those of the blocks. The upper bound comes from whole recordings
+    that were left out, if there are several, which are then the parts. In the margin of the valid range the error is at
+    most that of the fixed offset.
     """
     spread, of_others = errors.spread, errors.of_others
 
@@ -172,10 +173,9 @@ def expected(
 
 
 def rmse_of_other_minutes(left: Floats, block: Integers) -> tuple[Floats, Floats]:
-    """Return between what RMSE (n,) errors of other minutes lie, from those left (N, n) [rad|m] on blocks of time (N,).
+    """Return bounds (n,) of the RMSE on other minutes, from errors left (N, n) [rad|m] on blocks of time (N,).
 
-    Minutes differ from each other as their parts do: a joint by its own parts, or as the mean of all joints where that
-    is more, with _PROMISE_PROBABILITY probability (`_of_another`).
+    Their probability is _PROMISE_PROBABILITY, with the larger of the joint's variance over blocks and the joints' mean.
     """
     parts = _log_rmse(left, block)
     variance = parts.var(axis=0, ddof=1)
@@ -186,20 +186,20 @@ def rmse_of_other_minutes(left: Floats, block: Integers) -> tuple[Floats, Floats
 
 
 def _of_another(variance: Floats, parts: int, freedom: int, probability: float) -> Floats:
-    """Return by how much means of as many other parts differ, of parts whose variance is known to some freedom."""
+    """Return the bound on the difference to a mean of as many other parts, by Student's distribution."""
     from scipy.stats import t
 
     return np.asarray(t.ppf(0.5 + 0.5 * probability, freedom) * np.sqrt(2.0 * variance / parts))
 
 
 def _log_rmse(errors: Floats, part: Integers) -> Floats:
-    """Return the logarithm of the RMSE of errors (N, n) on each part (N,), (K, n)."""
+    """Return the log RMSE (K, n) of errors (N, n) on each part (N,)."""
     squares = [np.mean(np.square(errors[part == k]), axis=0) for k in np.unique(part)]
     return np.asarray(0.5 * np.log(np.maximum(squares, _LEAST_SQUARE)))
 
 
 def block_quantile(scores: Floats, block: Integers, level: float) -> float:
-    """Return the half-width that holds a share of scores (N,) of a new block; infinity of too few blocks (N,)."""
+    """Return the half-width that contains a share of a new block's scores (N,); infinity if blocks (N,) are too few."""
     names, of_row, rows = np.unique(block, return_inverse=True, return_counts=True)
     if len(names) < _MIN_BLOCKS:
         return math.inf
@@ -210,14 +210,14 @@ def block_quantile(scores: Floats, block: Integers, level: float) -> float:
 
 
 def fewest_rows(level: float) -> int:
-    """Return the number of blocks that a half-width needs, for a new block beside the share outside."""
+    """Return the smallest number of rows for which a half-width at this level is finite."""
     return _MIN_BLOCK_ROWS * max(_MIN_BLOCKS, math.ceil(level / (1.0 - level) - 1e-9))
 
 
 def time_blocks(recording: Integers, *, level: float) -> Integers:
-    """Return the number of the block of time that each row of recordings (N,) lies in, (N,); no block is of two.
+    """Return the block of time (N,) of each row; no block spans two recordings (N,).
 
-    There are so many that _BLOCKS_OUTSIDE of them are a share of 1 - level, at most one for _MIN_BLOCK_ROWS rows.
+    1 - level amounts to _BLOCKS_OUTSIDE blocks, if each then has at least _MIN_BLOCK_ROWS rows.
     """
     rows = len(recording)
     wanted = max(_MIN_BLOCKS, math.ceil(_BLOCKS_OUTSIDE / (1.0 - level) - 1e-9))
@@ -232,23 +232,23 @@ def time_blocks(recording: Integers, *, level: float) -> Integers:
 
 
 def coverage_verdicts(evaluation: Evaluation) -> tuple[Verdict, ...]:
-    """Return in words, per joint, whether a model's intervals hold; none for a model without."""
+    """Return a verdict per joint on the coverage of a model's intervals; empty for a model without intervals."""
     recording, level = evaluation.data.recording, evaluation.level
     return () if level is None else tuple(coverage_verdict(held, recording, level) for held in evaluation.held.T)
 
 
 def coverage_verdict(held: Flags, recording: Integers, level: float) -> Verdict:
-    """Return in words whether intervals hold what they are to hold, on rows (N,) that their model has not seen.
+    """Return the verdict on intervals' coverage, on rows (N,) that the model has not seen.
 
-    Rows depend on each other, so blocks of time are counted: the mean of their shares is compared with that of K blocks
-    held or not as a whole, a binomial, which varies most of all shares with that mean (Hoeffding, JASA 58, 1963).
+    Rows depend on each other, so blocks of time are counted: the mean of their coverages is compared with a binomial of
+    K blocks, which varies most of all shares with that mean (Hoeffding, JASA 58, 1963).
     """
     from scipy.stats import binom
 
     block = time_blocks(recording, level=level)
     rows = np.bincount(block)
     shares = np.bincount(block, weights=held)[rows > 0] / rows[rows > 0]
-    # a coverage within the lenience is what an interval of this kind can be expected to reach
+    # intervals of this kind can be expected to reach a coverage within the lenience
     if held.mean() >= level - COVERAGE_LENIENCE * (1.0 - level) - 1e-9:
         return "held"
     chance = float(binom.cdf(math.ceil(shares.sum() - 1e-9), len(shares), level))

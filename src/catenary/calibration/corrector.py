@@ -1,4 +1,4 @@
-"""A calibration model inside a control loop: the bits of the fitted model, tick by tick."""
+"""A calibration model in a control loop, tick by tick, with results identical to the fitted model's."""
 
 import timeit
 from collections.abc import Callable, Sequence
@@ -21,11 +21,11 @@ _STATE_GROUPS = ("q", "qd", "tau")  # of a joint state, one after the other
 class Corrector:
     """Calibrated joint positions, valid-range flags and intervals from the signals of each tick.
 
-    Gives what `CalibrationModel.calibrate` gives, bit for bit, whatever the kind of model. It keeps the states that
-    the model takes, which need no rate. Outside the valid range and where an input is NaN, the flag is false and the
-    fixed offset is added.
+    Results equal those of `CalibrationModel.calibrate` bit for bit, for every kind of model. It keeps the model's play
+    and friction states, which do not depend on the rate. Outside the valid range, or if an input is NaN, the flag is
+    false and the fixed offset is added.
 
-    `correct` and `correct_state` check and copy arrays at every tick; `bind` checks those of a loop once.
+    `correct` and `correct_state` check and copy arrays at every tick; `bind` checks a loop's arrays once.
 
     Examples:
         >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]
@@ -37,11 +37,7 @@ class Corrector:
     """
 
     def __init__(self, model: CalibrationModel, *, rate_hz: float = 1000.0) -> None:
-        """Compile the model's tick; in a loop slower than the training rows a joint may go farther in one.
-
-        Raises:
-            InputError: The rate is not positive.
-        """
+        """Compile the model's tick at a rate, which determines how far a joint may move in one tick."""
         if not 0.0 < rate_hz < float("inf"):
             raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")
         self.model = model
@@ -60,7 +56,7 @@ class Corrector:
         return {name: value for name, value in vars(self).items() if name != "_tick"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)  # a copy has arrays of its own, and so its call
+        vars(self).update(state)  # a copy has its own arrays, so the call is bound again
         self._tick = self._bound()
 
     def _bound(self) -> Callable[[], None]:
@@ -69,14 +65,14 @@ class Corrector:
     def bind(
         self, q_nominal: Floats, signals: Floats, out: Floats, inside: Flags, interval: Floats | None = None
     ) -> Callable[[], None]:
-        """Return a call without arguments that takes one tick on these very arrays, which are checked once, now.
+        """Return a call without arguments that takes one tick on these arrays, which are checked only now.
 
         Args:
-            q_nominal: (n,) float64: the call finds there what the robot reports [rad|m].
+            q_nominal: (n,) float64: holds the reported positions [rad|m] at each call.
             signals: (S,) float64: current values of `model.features.signals`, in that order.
             out: (n,) float64: receives the calibrated positions [rad|m]; not the memory of `q_nominal`.
             inside: (n,) bool: receives whether each joint is inside the model's valid range.
-            interval: (n,) float64: receives half-widths about `out` [rad|m], NaN where the model has none.
+            interval: (n,) float64: receives half-widths about `out` [rad|m], NaN if the model has none.
 
         Raises:
             InputError: An array has another shape, type or layout, or two share their memory.
@@ -97,11 +93,7 @@ class Corrector:
     def correct(
         self, q_nominal: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None = None
     ) -> None:
-        """Take one tick; arrays are those of `bind`, and `out` may be `q_nominal`.
-
-        Raises:
-            InputError: An array has another shape.
-        """
+        """Take one tick; arrays as in `bind`, and `out` may be `q_nominal`."""
         self._require_shapes(q_nominal, signals, out, inside, interval)
         self._q[:], self._signals[:] = q_nominal, signals
         self._tick()
@@ -110,26 +102,26 @@ class Corrector:
             interval[:] = self._interval
 
     def tick_seconds(self) -> float:
-        """Return the median time of a tick on this computer [s]; what the corrector remembers stays."""
+        """Return the median time of a tick on this computer [s]; the corrector's state is unchanged."""
         other = Corrector(self.model, rate_hz=self.rate_hz)
         return median(timeit.repeat(other._tick, number=1, repeat=_TIMED_TICKS))
 
     @property
     def leaps(self) -> dict[str, int]:
-        """How many positions of each signal leapt and returned: the play states forgot them."""
+        """Number of spikes of each position, which play states ignored."""
         return self.model.features.spikes(self._memory)
 
     def reset(self) -> None:
-        """Forget all previous ticks: another motion begins; `leaps` counts on."""
+        """Forget all previous ticks, before another motion; `leaps` is kept."""
         self._memory.clear()
 
     def prepare(self, joint_names: Sequence[str], joint_units: Sequence[str], rate_hz: float) -> None:
-        """Match the model to a robot's joints, by name; the robot may have further ones.
+        """Match the model to a robot's joints by name; the robot may have more joints.
 
-        A RAVEN-II's unused channel, in no joint state, is taken to read what it read in training.
+        A RAVEN-II's unused channel, which is in no joint state, is assumed to read its mean in training.
 
         Raises:
-            InputError: The robot lacks a joint of the model or has it in another unit, or lacks an input.
+            InputError: The robot lacks a joint or an input of the model, or has it in another unit.
         """
         model, robot = self.model, ", ".join(joint_names)
         for why in model.asked_of_reports:
@@ -140,7 +132,7 @@ class Corrector:
         for signal in model.features.signals:
             group, _, joint = signal.partition(":")
             if joint == UNUSED_CHANNEL and joint not in joint_names:
-                sources.append(len(_STATE_GROUPS) * size + len(still))  # behind the joint state, in which it is not
+                sources.append(len(_STATE_GROUPS) * size + len(still))  # after the joint state, which lacks it
                 place = model.features.signals.index(signal)  # signals come first among the features
                 means = [g.valid_range.mean[g.watched == place] for g in model.groups if (g.watched == place).any()]
                 still.append(float(means[0][0]) if means else 0.0)
@@ -154,12 +146,9 @@ class Corrector:
         self.reset()
 
     def correct_state(self, state: JointState, out: Floats, inside: Flags, interval: Floats | None = None) -> None:
-        """Correct one tick of the robot that `prepare` named; outputs are those of `bind`, of its joints (n,).
+        """Correct one tick of the robot named in `prepare`; outputs as in `bind`, for the robot's joints (n,).
 
-        Joints without a model pass through, are inside, and have intervals of NaN.
-
-        Raises:
-            InputError: An array has another size than the robot's joints.
+        Joints without a model keep their reported position, are inside, and have intervals of NaN.
         """
         shapes = (state.q.shape, state.qd.shape, state.tau.shape, out.shape, inside.shape)
         if shapes != self._robot_shapes or (interval is not None and interval.shape != out.shape):

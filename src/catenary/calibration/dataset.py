@@ -61,7 +61,7 @@ class CalibrationData:
 
     @property
     def dates(self) -> tuple[str | None, str | None]:
-        """Days of the first and the last row (ISO 8601, UTC); None where no clock was a calendar's."""
+        """Days of the first and the last row (ISO 8601, UTC); None if no clock was a calendar's."""
         if not self.has_time or not len(self):
             return None, None
         clock = self.time + np.array(self.began)[self.recording]
@@ -98,7 +98,7 @@ class CalibrationData:
 
 
 def date_of(seconds: float) -> str | None:
-    """Return the day (ISO 8601, UTC) of a clock that counts from 1970; None where it is no calendar's."""
+    """Return the day (ISO 8601, UTC) of a clock that counts from 1970; None if it does not show the date."""
     return datetime.fromtimestamp(seconds, UTC).date().isoformat() if FIRST_DATE_S < seconds < _LAST_DATE_S else None
 
 
@@ -167,8 +167,7 @@ def data_notes(logs: Sequence[MotionLog], data: CalibrationData) -> list[str]:
     """Return the notes of a recording's readers, and notes on rows that were left out.
 
     Args:
-        logs: Recordings.
-        data: Rows that were taken of them.
+        logs, data: Recordings, and the rows that were taken of them.
     """
     notes = [note for log in logs for note in log.named_notes]
     if data.every > 1:

@@ -16,7 +16,7 @@ from catenary.plant import MotionLog, nameless
 
 
 class CalibrationRegressor(MultiOutputMixin, RegressorMixin, BaseEstimator):  # type: ignore[misc]  # has no types
-    """Where joints really are, from what a robot reports, row after row in the order of time.
+    """Estimator of true joint positions from a robot's reports, row by row in the order of time.
 
     X (N, F) holds the reported positions [rad|m] of the joints of y, in its order, then any further signals; y (N,) or
     (N, n) the true positions. Parameters are those of `catenary.fit`; units are "rad" where None. `calibration_` is the

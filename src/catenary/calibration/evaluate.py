@@ -1,4 +1,4 @@
-"""How wrong the joints are, before and after, on data that the model has not seen."""
+"""Evaluation of a calibration model: joint errors before and after it, on data that it has not seen."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ from catenary.tables import Column, OnScreen, Screen, Table, in_units
 from catenary.units import DISPLAY
 
 HARM_RATIO = 1.01  # times the fixed offset's error: less is no harm
-_MIN_RECORDINGS = 3  # from which on zeros are separable from motion
+_MIN_RECORDINGS = 3  # from which zeros are separable from motion
 OUTSIDE_SHARE = 0.1  # share of rows outside a model's valid range that is worth a warning
 
 
@@ -35,7 +35,7 @@ class JointErrors:
     max: float
     percent_of_offset: float  # 100 rmse / offset_rmse, as the paper's table I
     outside_valid_range: float  # share of rows
-    coverage: float = math.nan  # share of rows whose error the model's interval holds; NaN where it has none
+    coverage: float = math.nan  # share of rows whose error the model's interval holds; NaN if it has none
     half_width: float = math.nan  # of the interval, median over the rows
 
 
@@ -62,7 +62,7 @@ class Evaluation(OnScreen):
     after_offset: Floats  # (N, n)
     after_model: Floats  # (N, n)
     inside: Flags  # (N, n)
-    interval: Floats  # (N, n) half-width about the calibrated position; NaN where the model has none
+    interval: Floats  # (N, n) half-width about the calibrated position; NaN if the model has none
     level: float | None  # share of errors that the interval is to hold
     window: float | None = None  # length of a time window [s, or rows]; a tenth of the data when None
 
@@ -80,7 +80,7 @@ class Evaluation(OnScreen):
 
     @property
     def held(self) -> Flags:
-        """Whether each error lies within its interval, (N, n)."""
+        """Flags (N, n) of errors within their intervals."""
         return np.asarray(np.abs(self.after_model) <= self.interval)
 
     @property
@@ -99,8 +99,7 @@ def percent(value: float, digits: int) -> str:
     """Return a percentage as text; a dash for NaN, a percentage of nothing.
 
     Args:
-        value: Percentage.
-        digits: Decimals.
+        value, digits: Percentage, and number of decimals.
     """
     return f"{value:.{digits}f} %" if np.isfinite(value) else "-"
 
@@ -216,7 +215,7 @@ class CrossValidation:
     inside: Flags  # (N, n) in the valid range of the model that did not see the row
     recording: Integers  # (N,) of the rows
     block: Integers  # (N,) of time, that was left out
-    zeros: Floats | None = None  # (N, n) errors of a recording of which no block is known; None of few recordings
+    zeros: Floats | None = None  # (N, n) errors with zeros from other recordings; None if recordings are few
 
     @property
     def of_others(self) -> Floats:

@@ -140,7 +140,7 @@ def leverage_of(rows: TrainedRows, terms: Terms, Y: Floats, ridge: float, block:
 
 
 class _Regression:
-    """A ridge regression of which parts are left out."""
+    """A ridge regression with parts of its rows left out in turn."""
 
     def __init__(self, Z: Floats, Y: Floats, weight: Floats, penalties: Floats) -> None:
         self._Z, self._Y, self._penalties = Z, Y, penalties

@@ -1,4 +1,4 @@
-"""The numbers that a calibration model takes, in order, and how they come out of a recording."""
+"""Features of a calibration model (signals, play and friction states), and their values in a recording."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,30 +20,30 @@ from catenary.plant import MotionLog
 from catenary.units import TORQUE_UNIT
 
 Item = TypeVar("Item")
-Many = Annotated[tuple[Item, ...], Field(max_length=10_000)]  # of anything that a model has several of
+Many = Annotated[tuple[Item, ...], Field(max_length=10_000)]  # size limit of sequences in a model's file
 Factor = Annotated[float, Field(ge=-1e6, le=1e6)]
 Positive = Annotated[float, Field(gt=0.0)]
-_PIECE_ROWS = 20_000  # rows that are computed at once
+_PIECE_ROWS = 20_000  # rows computed at once
 _GROUPS = ("q", "tau", "qd")  # per-joint quantities of a log; `q` is q_nominal
 
 
 class Memory(NamedTuple):
-    """Play and friction states of a motion, and what else features depend on; every row updates them."""
+    """States on which features depend, updated by every row of a motion."""
 
-    play: Floats  # (K,) play states; NaN until the first position, on which they are centred
-    friction: Floats  # (2, L) friction states, NaN until the first position: remembered, and of the last row
-    seen: Floats  # (J, 3) of the joints that play states follow; see find_leaps
+    play: Floats  # (K,) play states; NaN until the first position, which centres them
+    friction: Floats  # (2, L) friction states, remembered and of the last row; NaN until the first position
+    seen: Floats  # (J, 3) state of the spike filter per followed position; see find_leaps
     fast: Floats  # (1,) see find_leaps
-    rejected: Floats  # (J,) rows of these joints that were spikes
+    rejected: Floats  # (J,) number of spikes per followed position
 
     def clear(self) -> None:
-        """Forget all earlier rows: another motion begins; what was counted stays."""
+        """Forget all earlier rows, before another motion; counts of spikes are kept."""
         self.play[:], self.friction[:] = np.nan, np.nan
         self.seen[:], self.fast[:] = [np.nan, 0.0, 0.0], 0.0
 
 
 class _Column(NamedTuple):
-    """A feature: its name and unit, the signal it comes from, and what it is."""
+    """A feature with its name, unit and source signal."""
 
     name: str
     unit: str
@@ -55,32 +55,32 @@ class FeatureRows(NamedTuple):
     """Features of a recording."""
 
     X: Floats  # (N, F)
-    leaping: Flags  # (N,) rows that leap: intervals are wider
-    spikes: dict[str, int]  # of each position that play states follow, how many rows these did not follow
+    leaping: Flags  # (N,) rows with a leap, whose intervals are wider
+    spikes: dict[str, int]  # number of rows of each position that play states did not follow
 
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """Which features a model takes: signals, play states, and friction states of coupled joints.
+    """The features of a model: signals, play states, and friction states of coupled joints.
 
-    A play state of half-width r follows its position only after it has moved by r: y <- min(max(y, x - r), x + r). It
-    remembers on which side of the slack the cable lies, whatever the speed or sampling rate. The feature is y - x,
-    which stays within -r and r. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996] Where a cable runs over
-    another joint's drum, what it follows is a path: its joint's position and a factor times the other's.
+    A play state of half-width r follows its position after it has moved by r: y <- min(max(y, x - r), x + r). It
+    remembers the side of the slack on which the cable rests, at any speed or sampling rate. The feature is y - x, which
+    stays within -r and r. [Prandtl-Ishlinskii hysteresis; Brokate and Sprekels 1996] If a cable runs over another
+    joint's drum, the play state follows a path: its joint's position plus a factor times the other's.
 
-    A position farther from the one before than its joint's largest step is a leap, which play states do not remember
-    unless it stays (spike_filter.py). Rows of less than `period` have as much room as one of it.
+    A change of position by more than the joint's largest step is a leap, which play states ignore unless it persists
+    (spike_filter.py). Rows closer in time than `period` are allowed as large a step as rows one `period` apart.
     """
 
     __pydantic_config__ = IN_FILES
 
-    signals: Many[str]  # "q:<joint>", "tau:<joint>", "qd:<joint>", or the name of a further signal
+    signals: Many[str]  # "q:<joint>", "tau:<joint>", "qd:<joint>", or the name of another signal
     units: Many[str]  # one per signal
     play: Many[tuple[str, Positive]] = ()  # (position signal or path, half-width in its unit)
     friction: FrictionStates | None = None  # of coupled joints
-    steps: Many[tuple[str, Positive]] = ()  # (position signal, largest step to the next row in its unit); others: any
-    paths: Many[tuple[str, str, str, Factor]] = ()  # (name, position signal, another one, factor of that)
-    period: Positive | None = None  # [s] between the rows of `steps`; None where rows have no time
+    steps: Many[tuple[str, Positive]] = ()  # (position signal, largest step to the next row in its unit); else no limit
+    paths: Many[tuple[str, str, str, Factor]] = ()  # (name, position signal, second position signal, its factor)
+    period: Positive | None = None  # [s] between the rows of `steps`; None if rows have no time
 
     def __post_init__(self) -> None:
         coupled = () if self.friction is None else self.friction.positions
@@ -99,18 +99,18 @@ class FeatureSet:
 
     @property
     def played(self) -> tuple[str, ...]:
-        """The positions and paths that play states and friction states follow, J."""
+        """The J positions and paths that play states and friction states follow."""
         coupled = () if self.friction is None else self.friction.positions
         return tuple(dict.fromkeys([*(name for name, _ in self.play), *coupled]))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the features, F."""
+        """Names of the F features."""
         return tuple(column.name for column in self._columns)
 
     @property
     def feature_units(self) -> tuple[str, ...]:
-        """Units of the features, F."""
+        """Units of the F features."""
         return tuple(column.unit for column in self._columns)
 
     def columns_of(self, signals: Sequence[str]) -> Integers:
@@ -119,17 +119,17 @@ class FeatureSet:
 
     @property
     def bounded(self) -> Flags:
-        """Features that cannot leave their range whatever the robot does: play and friction states, (F,)."""
+        """Flags (F,) of features that cannot leave their range: play and friction states."""
         return np.array([column.is_state for column in self._columns])
 
     @property
     def play_columns(self) -> dict[int, tuple[str, float]]:
-        """Which columns are play states: the position or path that each follows, and its half-width."""
+        """Columns that are play states, with the position or path that each follows and its half-width."""
         return dict(enumerate(self.play, len(self.signals)))
 
     @property
     def owners(self) -> tuple[str, ...]:
-        """The joint that each feature comes from, F."""
+        """The joint of each of the F features."""
         return tuple(column.signal.rpartition(":")[2] for column in self._columns)
 
     @cached_property
@@ -144,11 +144,11 @@ class FeatureSet:
         ]
 
     def matrix(self, log: MotionLog) -> Floats:
-        """Return features of every row, (N, F), commands without measurement too."""
+        """Return the features of every row (N, F), rows without a measurement included."""
         return self.rows(log).X
 
     def rows(self, log: MotionLog, kept: Integers | None = None) -> FeatureRows:
-        """Return `matrix`, and what leaps on the way; of the rows `kept` alone, rising, though states follow all."""
+        """Return features and leaps of all rows, or of the increasing rows `kept`; states follow all rows."""
         signals, memory, room = self.signal_rows(log), self.memory(), room_of(log, self.period)
         count = len(log) if kept is None else len(kept)
         X, leaping = np.empty((count, len(self.names))), np.zeros(count, dtype=bool)
@@ -166,7 +166,7 @@ class FeatureSet:
         return FeatureRows(X, leaping, self.spikes(memory))
 
     def signal_rows(self, log: MotionLog) -> Floats:
-        """Return the signals of every row, (N, S)."""
+        """Return the signals of every row (N, S)."""
         known, columns = signals_of(log), []
         for name, expected in zip(self.signals, self.units, strict=True):
             if name not in known:
@@ -182,7 +182,7 @@ class FeatureSet:
         return np.column_stack(columns)
 
     def spikes(self, memory: Memory) -> dict[str, int]:
-        """Return the number of rows that a memory counted as spikes of each position."""
+        """Return the number of spikes of each position that a memory counted."""
         return {name: int(count) for name, count in zip(self.played, memory.rejected, strict=True)}
 
     def memory(self) -> Memory:
@@ -195,7 +195,7 @@ class FeatureSet:
         return memory
 
     def row_steps(self, signals: Floats, memory: Memory, X: Floats, room: Floats, leaping: Flags) -> list[Step]:
-        """Return the compiled steps that write X (N, F) and `leaping` for rows of signals (N, S); see `room_of`."""
+        """Return compiled steps that write X (N, F) and `leaping` (N,) for rows of signals (N, S); see `room_of`."""
         limits = np.array([dict(self.steps).get(name, ANY_SIZE) for name in self.played])
         away, along = np.zeros((len(signals), len(limits)), dtype=bool), np.empty((len(signals), len(limits)))
         paths = {name: (position, other, factor) for name, position, other, factor in self.paths}
@@ -224,14 +224,10 @@ class FeatureSet:
 
 @compiled
 def follow(signals: Floats, firsts: Integers, seconds: Integers, factors: Floats, along: Floats) -> None:
-    """Compute positions or paths along features: signals[:, firsts] + factors * signals[:, seconds].
+    """Write positions or paths: along (N, J) = signals[:, firsts] + factors * signals[:, seconds].
 
     Args:
-        signals: (N, S).
-        firsts: Columns (J,).
-        seconds: Columns (J,).
-        factors: Factors of the second ones (J,).
-        along: (N, J), written.
+        signals, firsts, seconds, factors, along: (N, S); columns (J,), (J,); (J,); (N, J).
     """
     for row in range(len(signals)):
         for j in range(len(firsts)):
@@ -242,15 +238,15 @@ def follow(signals: Floats, firsts: Integers, seconds: Integers, factors: Floats
 
 @compiled
 def gather(
-    signals: Floats,  # (N, S) what the robot reports, row after row
+    signals: Floats,  # (N, S) reported by the robot
     along: Floats,  # (N, J) positions and paths that play states follow
-    owners: Integers,  # (K,) which of these each follows
+    owners: Integers,  # (K,) column of `along` that each play state follows
     widths: Floats,  # (K,) half-widths of the play states
     away: Flags,  # (N, J) see `find_leaps`
     play: Floats,  # (K,) play states
     X: Floats,  # (N, F) receives the features
 ) -> None:
-    """Write the features of rows of one motion, and remember what later rows take; NaN leaves play states."""
+    """Write the features of rows of one motion and update the play states; NaN leaves these unchanged."""
     for row in range(len(signals)):
         at = signals.shape[1]
         for i in range(at):
@@ -264,13 +260,13 @@ def gather(
 
 @inlined
 def after(state: float, position: float, width: float) -> float:
-    """Return a play state after its position moved; NaN, before the first, becomes that position."""
+    """Return a play state after its position moved; an initial NaN becomes that position."""
     state = position if np.isnan(state) else state
     return min(max(state, position - width), position + width)
 
 
 def signals_of(log: MotionLog) -> dict[str, tuple[Floats, str]]:
-    """Return all signals that a model could take from a log by name: values (N,), and their unit."""
+    """Return all signals of a log that a model could take, by name: values (N,) and unit."""
     signals: dict[str, tuple[Floats, str]] = {}
     for group, table in zip(_GROUPS, (log.q_nominal, log.tau, log.qd), strict=True):
         columns = () if table is None else zip(log.joint_names, log.joint_units, table.T, strict=True)
@@ -281,7 +277,7 @@ def signals_of(log: MotionLog) -> dict[str, tuple[Floats, str]]:
 
 
 def choose_signals(log: MotionLog, words: Sequence[str]) -> tuple[str, ...]:
-    """Turn words into signals: a group (`q`, `tau`, `qd`) means all its joints, `all` every signal."""
+    """Return the signals of a log that words select: names, groups (`q`, `tau`, `qd`) of all joints, or `all`."""
     known = tuple(signals_of(log))
     if not words:
         raise InputError(f"inputs: expected at least one of {', '.join(known)}")

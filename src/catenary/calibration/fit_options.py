@@ -1,4 +1,4 @@
-"""What can be chosen in a fit, of the model and of the run."""
+"""Options of a fit: of the model, and of the run."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ COVERAGE = 0.9
 
 @dataclass(frozen=True)
 class FoundCables:
-    """What was found of cables (cable_paths.py)."""
+    """Properties of cables found in recordings (cable_paths.py)."""
 
     paths: tuple[tuple[str, str, str, float], ...] = ()  # as those of a FeatureSet
     slacks: tuple[tuple[str, float], ...] = ()  # position or path, half-width of its slack [rad|m]
@@ -108,7 +108,7 @@ class FitRun:
     max_error: tuple[float, ...] | None = None  # per joint, deg and mm; rows beyond are left out
     held_out: float | None = None  # share at the end of each recording
     folds: int = FOLDS  # of the cross-validation; 0 for none
-    accept: tuple[str, ...] = ()  # findings about the data to go on with, by name
+    accept: tuple[str, ...] = ()  # names of findings about the data to continue despite
     coverage: float = COVERAGE  # share of errors that the model's intervals are to hold
     instrument: str | None = None  # for the card: which one the arm held
     tool: str | None = None  # the kind of tool

@@ -63,8 +63,7 @@ def fit_logs(
 
     Args:
         logs: Recordings.
-        options: Model to fit.
-        run: Rows that the fit sees, and its tests.
+        options, run: Model to fit; rows that the fit sees, and its tests.
         progress: Called with the share done, 0 to 1.
     """
     run = run if run is not None else FitRun()
@@ -79,8 +78,7 @@ def fit_recordings(
 
     Args:
         recordings: The recordings.
-        options: Model to fit.
-        run: Rows that the fit sees, and its tests.
+        options, run: Model to fit; rows that the fit sees, and its tests.
         progress: Called with the share done, 0 to 1.
 
     Raises:
@@ -234,7 +232,7 @@ def _concluded(
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
-    """Return a robot's joint limits (2, n) [rad|m], or where rows went beyond them; None where it is not known."""
+    """Return a robot's joint limits (2, n) [rad|m], or where rows went beyond them; None if it is not known."""
     joints, q = list(zip(data.joint_names, data.joint_units, strict=True)), data.q_nominal
     known = [] if robot is None else list(zip(robot.joint_names, robot.joint_units, strict=True))
     if robot is None or not set(joints) <= set(known):

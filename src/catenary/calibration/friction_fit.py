@@ -117,7 +117,7 @@ def _start(n: int, coupling: float) -> Floats:
 
 
 def _best_pair(rows: SearchedRows) -> tuple[int, ...]:
-    """Return the two joints whose errors friction states explain most beyond play states; none where none do."""
+    """Return the two joints whose errors friction states explain most beyond play states; none if none do."""
     best, pair = _MIN_START_LOG_GAIN, tuple[int, ...]()
     moving = [j for j, name in enumerate(rows.joint_names) if f"q:{name}" in {p for p, _ in rows.signals.play}]
     for joints in combinations(moving, 2):

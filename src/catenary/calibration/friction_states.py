@@ -59,13 +59,13 @@ class FrictionStates:
 
     @property
     def size(self) -> int:
-        """How many numbers a state has: the positions before, and every system's forces."""
+        """Size of a state: the previous positions, and the forces of every system."""
         return len(self.positions) + len(self.thresholds) * len(self.directions)
 
 
 @dataclass(frozen=True)
 class FoundFriction:
-    """What was found of joints that friction couples."""
+    """Properties of joints that friction couples, found in recordings."""
 
     states: FrictionStates
     gain: float  # share of the coupled joints' error on blocks of time that friction states take from play states'

@@ -1,14 +1,14 @@
-"""The learner: a ridge regression on terms of positions, loads and play states, whose penalties blocks of time choose.
+"""The learner: ridge regression on terms of positions, loads and play states, with penalties by cross-validation.
 
-Terms are in groups (`GROUPS`), as those of the joint itself and those of others; each joint has a penalty for each
-group, from hardly any to one that drops it. A mean or a linear function is a corner of it. Penalties are chosen by the
-errors on blocks of time that are left out in turn: from sums of products over each block these need no further look at
-the rows. The mean of the errors' logarithms counts, so that no one block decides. A walk along the ladder takes a
-larger penalty where it costs no more than chance does, and a smaller one where it gains more: by a standard error of
-the mean over blocks [Breiman et al., Classification and Regression Trees, 1984, section 3.4.3].
+Terms are in groups (`GROUPS`), such as those of the joint itself and those of other joints. Each joint has a penalty
+per group, from almost none to one that drops the group: a constant or a linear function is a special case. Penalties
+minimise the errors on blocks of time that are left out in turn; sums of products per block suffice to compute these.
+The score is the mean of the log errors, so that no single block dominates. The search takes a larger penalty if the
+score rises by less than its standard error over blocks, and a smaller one if it falls by more
+[Breiman et al., Classification and Regression Trees, 1984, section 3.4.3].
 
-Rows far from any fit, as failed measurements are, weigh less the farther they are, and none is dropped
-[Huber, Robust Estimation of a Location Parameter, 1964].
+Rows far from the fit, such as failed measurements, are down-weighted [Huber, Robust Estimation of a Location
+Parameter, 1964].
 """
 
 from collections.abc import Sequence
@@ -31,24 +31,24 @@ GROUPS = (
     "signals", "own smooth", "own memory", "own ripple", "other smooth", "other memory", "other ripple", "products",
     "path memory",
 )  # fmt: skip
-# groups of a term of others, and of one's own
+# groups of a term of other joints, and of one of the joint itself
 _OF_KIND = {"smooth": (4, 1), "memory": (5, 2), "ripple": (6, 3), "path": (5, 8)}
 _LADDER = (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, DROPPED)
 _START = (1.0, 1.0, 10.0, 100.0, 100.0, 100.0, DROPPED, 100.0, 10.0)
 _WALK = (7, 5, 4, 2, 8, 6, 3, 1, 0)  # groups in the order in which penalties are tried
 _SWEEPS = 2
-_MIN_LOG_GAIN = 0.02  # in the logarithm of the mean square, that more ridge may cost and less must gain
+_MIN_LOG_GAIN = 0.02  # change of the log mean square that a larger penalty may cost and a smaller one must gain
 BLOCKS = 6
-_FAR_DEVIATIONS = 8.0  # robust deviations of a joint's errors, beyond which a row weighs less
+_FAR_DEVIATIONS = 8.0  # robust standard deviations of a joint's errors beyond which a row is down-weighted
 _REWEIGHTINGS, _COLUMNS = 3, 64
 _POSITION_LIMIT, _LOAD_LIMIT = 1.15, 4.0  # half ranges; standard deviations
-_RESOLUTION_SI = 1e-7  # [rad|m] errors that no encoder shows
-_ZERO_PENALTY, _MIN_ZEROED = 300.0, 3  # rows; recordings: of fewer, each has a zero of its own by chance
-_EVERY = 3  # of the play states, one in so many has products
+_RESOLUTION_SI = 1e-7  # [rad|m] errors below the resolution of any encoder
+_ZERO_PENALTY, _MIN_ZEROED = 300.0, 3  # rows; recordings: with fewer, differences of their zeros may be chance
+_EVERY = 3  # one play state in so many gets product terms
 
 
 def terms_of(X: Floats, features: FeatureSet, columns: Integers) -> Terms:
-    """Return the terms of the features `columns` of a set, scaled as their rows X (N, F) ask."""
+    """Return the terms of a set's features `columns`, scaled by the ranges of their rows X (N, F)."""
     names = [features.names[c] for c in columns]
     units = [features.feature_units[c] for c in columns]
     is_state = features.bounded[columns]
@@ -76,7 +76,7 @@ def terms_of(X: Floats, features: FeatureSet, columns: Integers) -> Terms:
 
 
 def groups_of(terms: Terms, features: FeatureSet, columns: Integers, joint: str) -> Integers:
-    """Return the group of each term, (C,), for the model of a joint."""
+    """Return the group of each term (C,) in the model of a joint."""
     coupled = () if features.friction is None else [f"{lag}" for lag, _ in features.friction.columns]
     paths = {name for name, *_ in features.paths}
     along = {c for c, (name, _) in features.play_columns.items() if name in paths}
@@ -92,7 +92,7 @@ def groups_of(terms: Terms, features: FeatureSet, columns: Integers, joint: str)
 
 
 class _Sums(NamedTuple):
-    """Sums of products of standardised terms, a one and outputs, over each block of time."""
+    """Sums of products of standardised terms, a constant and outputs over each block of time."""
 
     of_blocks: Floats  # (K, C + 1 + m, C + 1 + m)
     mean: Floats  # (C,) of the terms
@@ -106,13 +106,13 @@ def fit_learned(
     X: Floats, Y: Floats, *, features: FeatureSet, columns: Integers, joints: Sequence[str], block: Integers,
     recording: Integers, penalties: Floats | None = None,
 ) -> Expansion:  # fmt: skip
-    """Fit Y (N, m) to features X (N, F), the `columns` of a set.
+    """Fit outputs Y (N, m) to the features X (N, F) of a set's `columns`.
 
     Args:
-        joints: (m,) names of the joints that the outputs are of.
-        block: (N,) block of time of each row.
-        recording: (N,) number of its recording: of several, each has a zero, which is not learnt.
-        penalties: (m, groups) those of a model of more rows; chosen when None.
+        joints: (m,) joint name of each output.
+        block, recording: (N,) number of each row's block of time, and of its recording; each of several recordings has
+            its own zero, which the model does not learn.
+        penalties: (m, groups) those of a model of more rows; chosen if None.
     """
     terms = terms_of(X, features, columns)
     numbers = np.unique(recording)
@@ -140,13 +140,13 @@ def fit_learned(
 
 
 def _by_term(penalties: Floats, group: Integers) -> Floats:
-    """Return the penalty of each column, of those of the groups; zeros of recordings are behind the terms."""
+    """Return the penalty of each column from its group's; columns of recordings' zeros follow the terms."""
     return np.append(penalties, _ZERO_PENALTY)[group]
 
 
 def _weighted_sums(Z: Floats, zeros: Floats, Y: Floats, block: Integers, groups: Integers) -> _Sums:
-    """Return sums over blocks, of rows that weigh less the farther from a first fit; terms Z (N, C) are spent."""
-    # some columns at a time: all take as much memory again
+    """Return sums over blocks, with rows far from a first fit down-weighted; overwrites the terms Z (N, C)."""
+    # some columns at a time, to save memory
     parts = [standardisation(Z[:, k : k + _COLUMNS]) for k in range(0, Z.shape[1], _COLUMNS)]
     mean, scale = np.concatenate(parts, axis=1)
     middle = np.median(Y, axis=0)
@@ -175,7 +175,7 @@ def _weighted_sums(Z: Floats, zeros: Floats, Y: Floats, block: Integers, groups:
 
 
 def _solved(sums: Floats, penalty: Floats, output: int) -> Floats:
-    """Return weights (C + 1,) of an output, the last of which is the constant, 0 for terms that are dropped."""
+    """Return an output's weights (C + 1,): 0 for dropped terms, the constant last."""
     size = len(penalty)
     kept = np.append(np.flatnonzero(penalty < DROPPED), size)
     gram = sums[np.ix_(kept, kept)]
@@ -186,7 +186,7 @@ def _solved(sums: Floats, penalty: Floats, output: int) -> Floats:
 
 
 def _log_squares(sums: Floats, penalty: Floats, output: int) -> Floats:
-    """Return the logarithm of the mean square of an output's errors on each block (K,), left out in turn."""
+    """Return the log mean square of an output's errors on each block (K,), left out in turn."""
     size = len(penalty) + 1
     kept = np.append(np.flatnonzero(penalty < DROPPED), [size - 1, size + output])
     errors = squares_left_out(sums[:, kept[:, None], kept], penalty[kept[:-2]])
@@ -194,9 +194,11 @@ def _log_squares(sums: Floats, penalty: Floats, output: int) -> Floats:
 
 
 def squares_left_out(sums: Floats, penalty: Floats) -> Floats:
-    """Return the mean squares of errors on blocks, each left out of a ridge regression in turn, (K, m).
+    """Return the mean squares (K, m) of errors on blocks, each left out of a ridge regression in turn.
 
-    The sums (K, C + 1 + m, C + 1 + m) are of products of columns with penalties (C,), a one, and outputs.
+    Args:
+        sums: (K, C + 1 + m, C + 1 + m) products of columns, a constant and outputs, summed over each block.
+        penalty: (C,) of the columns.
     """
     size = len(penalty) + 1
     total, errors = sums.sum(axis=0), []
@@ -210,7 +212,7 @@ def squares_left_out(sums: Floats, penalty: Floats) -> Floats:
 
 
 def _chosen(sums: Floats, group: Integers, output: int) -> Floats:
-    """Return the penalties (groups,) of an output: a walk along the ladder from where most joints are."""
+    """Return the penalties (groups,) of an output: a search along the ladder from the values of most joints."""
     taken = np.array(_START)
     if len(sums) < 2:
         return taken

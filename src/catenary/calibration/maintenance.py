@@ -34,8 +34,7 @@ def judge_recordings(
     """Refuse recordings on which a model's error means nothing; return notes on the others.
 
     Args:
-        model: The model.
-        recordings: The recordings.
+        model, recordings: The model, and the recordings.
         accept: Names of findings to continue despite.
         learning: Whether the model is to learn from them: they must not be short, nor the arm at rest.
         done: What is done with them, for messages.
@@ -106,7 +105,7 @@ class NewDay:
 
     @property
     def moved(self) -> str:
-        """What moved, in words."""
+        """Changes by the refresh as text."""
         return str(self.card["refreshed"][-1]["moved"])
 
     def as_data(self) -> dict[str, Any]:
@@ -126,9 +125,7 @@ def refresh_with(
     """Refresh a model with recordings of a new day; see `refresh_model`.
 
     Args:
-        model: The model.
-        card: Its card.
-        recordings: Recordings of the new day.
+        model, card, recordings: The model, its card, and recordings of the new day.
         accept: Names of findings to continue despite.
         sha256: Hash of the model's file; None for one in memory.
 

@@ -91,8 +91,8 @@ class CalibrationModel(OnScreen):
     offset: StoredFloats  # (n,) mean error of the training data [rad|m]
     largest: StoredFloats  # (n,) largest correction that training showed [rad|m]; see `fit.largest_shown`
     groups: Many[JointGroup]
-    intervals: Intervals | None = None  # how far off corrections may be; None where that was not estimated
-    limits: StoredFloats | None = None  # (2, n) lower and upper joint limits [rad|m]; None where they are not known
+    intervals: Intervals | None = None  # how far off corrections may be; None if that was not estimated
+    limits: StoredFloats | None = None  # (2, n) lower and upper joint limits [rad|m]; None if they are not known
     mends: Mends = field(default_factory=dict)  # of its recordings: MotionLog.settled
     # (3, n) of a refresh: factors of predicted errors and of q_nominal, and what is added [rad|m]; 1, 0, 0 when None
     adjustment: StoredFloats | None = None
@@ -221,7 +221,7 @@ class CalibrationModel(OnScreen):
         inside: Flags,  # (N, n) receives the flags of `steps`
         interval: Floats | None = None,  # (N, n) receives the half-widths of `steps`
         *,
-        rate_hz: float | None = None,  # of the rows; None where it is that of the training rows, or a higher one
+        rate_hz: float | None = None,  # of the rows; None if it is that of the training rows, or a higher one
     ) -> list[Step]:
         """Return the compiled steps from what a robot reports to calibrated positions, for rows of one motion."""
         period = self.features.period
@@ -240,7 +240,7 @@ class CalibrationModel(OnScreen):
         return log.q_nominal + self.correction(self.features.matrix(log), log.q_nominal)
 
     def half_widths(self, log: MotionLog) -> Floats:
-        """Return half-widths of intervals about `calibrate`, (N, n) [rad|m]; NaN where the model has none."""
+        """Return half-widths of intervals about `calibrate`, (N, n) [rad|m]; NaN if the model has none."""
         log = self.matched(log)
         X, leaping, _ = self.features.rows(log)
         return self.correct(X, log.q_nominal, leaping)[2]

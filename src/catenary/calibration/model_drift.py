@@ -33,7 +33,7 @@ class Stretch:
     date: str | None  # day of its first row (ISO 8601, UTC); None where time stamps are not a calendar's
     rows: int
     rmse: tuple[float, ...]
-    coverage: tuple[float, ...] | None  # share of errors within the model's intervals; None where it has none
+    coverage: tuple[float, ...] | None  # share of errors within the model's intervals; None if it has none
     beyond: tuple[bool, ...]  # per joint: the model no longer holds
 
 
@@ -58,7 +58,7 @@ class DriftFound(NamedTuple):
 
     @property
     def since(self) -> tuple[int | None, ...]:
-        """Per joint, the first of the stretches from which on the model never holds; None where the last one holds."""
+        """Per joint, the first of the stretches from which the model never holds; None if the last one holds."""
         beyond = np.array([stretch.beyond for stretch in self.stretches], dtype=bool)
         first = [1 + max(np.flatnonzero(~column).tolist(), default=-1) for column in beyond.T]
         return tuple(row if row < len(beyond) else None for row in first)
@@ -67,7 +67,7 @@ class DriftFound(NamedTuple):
 def find_drift(
     model: CalibrationModel,
     recordings: Recordings,  # with q_encoder, the oldest first, joints as the model's
-    known: Floats | None,  # (n,) errors that the card tells [deg|mm]; None where it tells none
+    known: Floats | None,  # (n,) errors that the card tells [deg|mm]; None if it tells none
     *,
     factor: float = DRIFT_FACTOR,  # more than 0
 ) -> DriftFound:
@@ -79,7 +79,7 @@ def find_drift(
     Args:
         model: The model.
         recordings: Recordings with q_encoder, the oldest first, joints as the model's.
-        known: Errors on the card (n,) [deg|mm]; None where it has none.
+        known: Errors on the card (n,) [deg|mm]; None if it has none.
         factor: Ratio above 0.
 
     Raises:

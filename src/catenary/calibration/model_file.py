@@ -36,9 +36,7 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
     """Write a model, and a readable copy of its card beside it.
 
     Args:
-        model: The model.
-        card: Its card.
-        path: The file (.npz).
+        model, card, path: The model, its card, and the file (.npz).
 
     Raises:
         OSError: The folder is not writable, or the disk is full.

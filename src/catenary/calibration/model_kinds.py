@@ -23,8 +23,7 @@ class ModelKind:
     range along principal axes: farther, drawn arms err half as much, but intervals that were to hold 90 % hold 63 %.
 
     Args:
-        name: As it is typed.
-        words: What it is, in the words of the help.
+        name, words: Name as typed, and description in the help.
         fitted_by: `module:function` of this room, called with features (N, F), wanted outputs (N, m) and what it
             `takes`; it returns a predictor (predictors.py), which model files hold as it is.
         takes: Further arguments of that function, of those that fit_rows.fit_model gives.
@@ -109,7 +108,7 @@ _KINDS = (
     ),
 )
 MODEL_KINDS: Mapping[str, ModelKind] = {kind.name: kind for kind in _KINDS}
-LEARNED = "learned"  # what is fitted unless another kind is asked for
+LEARNED = "learned"  # the default kind
 OWN = "own"
 RETIRED = ("auto", "hysteretic")  # and preset best of neural: models of files, which are no longer fitted
 

@@ -44,7 +44,7 @@ _LEVEL_STEP, _LARGEST_LEVEL, _LOOKS_AT_LEVEL = 0.25, 1.5, 5  # of its derivative
 
 @dataclass(frozen=True)
 class JointChange:
-    """What a refresh did to one joint, as the card tells it, in deg or mm."""
+    """Result of a refresh for one joint, as on the card, in deg or mm."""
 
     name: str
     unit: str  # "deg" or "mm"

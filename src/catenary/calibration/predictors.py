@@ -34,7 +34,7 @@ class Leverage:
     usual: float  # leverage beyond which errors grow
     factor: StoredFloats  # (m,) by which they do
     widening: StoredFloats  # (m,) times as large as on blocks of training is an error where joints meet otherwise
-    # (m,) leverage beyond usual from which on the fixed offset is expected to err less; None of files before
+    # (m,) leverage beyond usual from which the fixed offset is expected to err less; None of files before
     farthest: StoredFloats | None = None
 
 
@@ -180,7 +180,7 @@ class OwnFunction(Predictor):
         return [Step(self._write, (X,), (Y,), is_compiled=False)]
 
     def _write(self, X: Floats, Y: Floats) -> None:
-        """Write outputs of rows, NaN where a feature is not finite, which few estimators take."""
+        """Write outputs of rows, NaN if a feature is not finite, which few estimators take."""
         known = np.isfinite(X).all(axis=1)
         Y[:] = np.nan
         if not known.any():

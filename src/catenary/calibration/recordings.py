@@ -20,8 +20,8 @@ class Recordings:
 
     Args:
         logs: Recordings, the joints of each in the order of the first one's.
-        robot: Whose limits positions are held against; None where it is not known.
-        max_error: Errors beyond which rows are left out, (n,) [rad|m]; None where none are.
+        robot: Whose limits positions are held against; None if it is not known.
+        max_error: Errors beyond which rows are left out, (n,) [rad|m]; None if none are.
     """
 
     logs: tuple[MotionLog, ...]
@@ -46,7 +46,7 @@ class Recordings:
 
     @property
     def period(self) -> float | None:
-        """The shortest usual step between rows [s]; None where a recording has no time."""
+        """The shortest usual step between rows [s]; None if a recording has no time."""
         rates = [sampling_rate(log) for log in self.logs]
         return None if None in rates else 1.0 / max(rate for rate in rates if rate is not None)
 
@@ -97,7 +97,7 @@ def error_limits(max_error: Sequence[float] | None, log: MotionLog) -> Floats | 
 
 
 def sampling_rate(log: MotionLog) -> float | None:
-    """Return rows per second of a recording, by the median of its time steps; None where it has no time."""
+    """Return rows per second of a recording, by the median of its time steps; None if it has no time."""
     steps = np.diff(log.time) if log.time is not None else np.zeros(0)
     forward = steps[steps > 0.0]  # where the clock goes back, another recording begins
     return float(1.0 / np.median(forward)) if len(forward) else None

@@ -1,4 +1,4 @@
-"""Where a model has seen data, and whether it is being asked outside of that."""
+"""The valid range of a model: the region of its training data, and a test whether a row is inside."""
 
 from dataclasses import dataclass
 from typing import Annotated

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from catenary.workflows.trials import SimulatedArm
 
 _SHOWN_POSES = 9  # of a motion, in its report
-_NOTED_OFFSET = 0.5  # [deg|mm] of a reported position, from which on a note says so
+_NOTED_OFFSET = 0.5  # [deg|mm] of a reported position, from which a note says so
 _SIMULATED = argument("ROBOT", "raven2 or raven2_right, simulated with their cables, or another, as rigid bodies.")
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _WAVE = "M/S2,HZ[,DEG]"

@@ -1,4 +1,4 @@
-"""Where gravity comes from: a ROS topic, or samples of a sensor on the base."""
+"""Options of the gravity source: a ROS topic, or samples of a sensor on the base."""
 
 import math
 from collections.abc import Callable
@@ -105,7 +105,7 @@ class ReadingOptions:
     )
 
     def convention(self) -> "Convention | None":
-        """Return the factor on readings; None where none is stated."""
+        """Return the factor on readings; None if none is stated."""
         from catenary.sensing.vector import convention_of
 
         if not (self.units or self.axes or self.driver):

@@ -72,7 +72,7 @@ class Option:
 
     @property
     def choices(self) -> Names:
-        """Its only values, as typed; none where there are many."""
+        """Its only values, as typed; none if there are many."""
         return tuple(self.metavar.split("|")) if self.metavar and _CHOICES.fullmatch(self.metavar) else ()
 
     @property

@@ -33,7 +33,7 @@ def _of_recordings(metavar: str, help: str, default: Any = None) -> Any:
 
 @group
 class MappingOptions:
-    """How a third-party recording is read: which of its columns are which quantity."""
+    """Options of reading a third-party recording: its columns for each quantity."""
 
     map: Sequence[str] = _of_recordings("QUANTITY=COLUMNS", "E.g. q_encoder=/cam/joints.position[0:6]@deg; repeatable.")
     mapping: Path | None = _of_recordings("TOML", "Mapping file in place of --map; catenary import proposes one.")
@@ -49,7 +49,7 @@ class MappingOptions:
 
 @group
 class RecordingOptions(MappingOptions):
-    """How recordings are read, third-party ones too, and corrected before they are used."""
+    """Options of reading recordings, third-party ones too, and of correcting them."""
 
     units: str | None = _of_recordings("U,U,...", "Joints' units: rad, m, deg, mm, cm; q_encoder:deg,... of it alone.")
     swap: Sequence[str] = _of_recordings("J,J", "Exchange these measured columns; tau:J,J of torques.")

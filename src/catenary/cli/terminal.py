@@ -1,4 +1,4 @@
-"""What every command says to the person at the terminal: JSON, facts, notes, progress."""
+"""Output of commands on the terminal: JSON, facts, notes, progress."""
 
 import json
 import logging

@@ -251,7 +251,7 @@ class CollisionScene:
         return np.where(self.model.tree.prismatic, parts.sum(axis=1) + np.abs(self.model.offset), 0.0)
 
     def _within(self, q: Floats, margin: float) -> Iterator[tuple[int, int]]:
-        """Yield indices of configurations (N, n) and pairs that are closer than a margin [m], the likeliest first."""
+        """Yield indices of configurations (N, n) and pairs closer than a margin [m], most likely collisions first."""
         placed = Configuration(self.model, q)
         known = self.lower_bounds(placed)
         close = np.argwhere(known < margin)

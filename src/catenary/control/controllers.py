@@ -17,11 +17,10 @@ class ControllerKind:
     """A controller by name.
 
     Args:
-        name: As it is typed.
-        words: What it is, in the words of help and view.
+        name, words: Name as typed, and description in help and view.
         made_by: `module:function` of this room; the function takes (DrivenJoints, Damping, **settings).
         settings: Further arguments of that function.
-        gravity: What it takes gravity to be; None where it compensates none.
+        gravity: What it takes gravity to be; None if it compensates none.
         springs: It is for elastic joints alone.
         accelerations: Its gains are of accelerations, its own, and it follows velocities (damping relative).
     """

@@ -38,7 +38,7 @@ class JointGains(NamedTuple):
 
 
 class DrivenJoints(Protocol):
-    """What a controller is made for: an arm's model, gains at its joints, motors and springs."""
+    """Parameters for controllers: an arm's model, joint gains, motors and springs."""
 
     @property
     def model(self) -> RobotModel:
@@ -50,7 +50,7 @@ class DrivenJoints(Protocol):
 
     @property
     def motor_inertia(self) -> Floats | None:
-        """What motors add to the mass matrix (n, n), if known."""
+        """The motors' contribution to the mass matrix (n, n), if known."""
 
     @property
     def stiffness(self) -> Floats | None:
@@ -125,8 +125,7 @@ def gains_from_mass(
 
     Args:
         model: The robot; needs inertia.
-        frequency_hz: Natural frequency [Hz].
-        damping_ratio: Damping ratio.
+        frequency_hz, damping_ratio: Natural frequency [Hz], and damping ratio.
         rate_hz: Rate of the control loop [Hz].
         motor_inertia: Inertia that motors add to the mass matrix (n, n); none when None.
 
@@ -179,8 +178,7 @@ def default_limits(torque: ArrayLike, units: tuple[str, ...], lower: Floats, upp
     Args:
         torque: Largest torques (n,) [Nm|N]; infinity for none, which then has no largest rate either.
         units: Unit of each joint, "rad" or "m".
-        lower: Lower joint limits (n,) [rad|m]; infinite for none.
-        upper: Upper joint limits (n,).
+        lower, upper: Joint limits (n,) [rad|m]; infinite for none.
     """
     most = as_array("torque", torque, (len(units),), finite=False)
     return TorqueLimits(

@@ -127,7 +127,7 @@ class EstimatedGravityPD:
         self.feedback, self.feedforward = self.pd.feedback, np.zeros(len(self.pd.kp))
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Return torques (n,) [Nm|N]; NaN where a position or velocity is, and where gravity depends on it."""
+        """Return torques (n,) [Nm|N]; NaN if a position or velocity is, and where gravity depends on it."""
         feedback = self.pd.torque(state, reference)
         self.feedforward[:] = self.estimator.follow(state, reference.q)
         return feedback + self.feedforward

@@ -1,4 +1,4 @@
-"""Limits on the torque that is sent: size, rate of change, and the way to a joint limit."""
+"""Torque limits: saturation, slew rate, and a taper towards joint limits."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,16 +9,12 @@ from catenary.kernels.compiled import compiled
 
 
 class TorqueLimits:
-    """Bounds every torque that is sent; in the tick it refuses none but what is no array of n numbers.
+    """Bounds on every torque that is sent, applied per joint in this order.
 
-    In this order, per joint:
-
-    1. A torque that is NaN or infinite, or one for a joint whose position is, becomes zero.
-    2. Within `taper` of a joint limit, torque towards the limit fades linearly, to none at the limit and beyond;
-       torque away from it stays whole.
+    1. A torque that is NaN or infinite becomes zero, and so does that of a joint whose position is NaN or infinite.
+    2. Within `taper` of a joint limit, torque towards the limit fades linearly to zero; torque away is unchanged.
     3. Saturation: -torque to torque.
-    4. Slew: no more than `slew` dt from the torque sent before. It comes last, so what is sent never leaps, also when
-       a NaN or a limit demands a leap; between two saturated torques it stays saturated.
+    4. Slew: at most `slew` dt from the torque sent before. It comes last, so that a NaN or a limit causes no jump.
 
     `limited` and `not_finite` count ticks since `reset`.
 
@@ -35,13 +31,13 @@ class TorqueLimits:
         upper: ArrayLike | None = None,
         taper: ArrayLike | None = None,
     ) -> None:
-        """Take the limits, (n,) each.
+        """Set the limits, (n,) each.
 
         Args:
-            torque: Largest torque [Nm|N]; infinity for none.
-            slew: Largest rate of change [Nm/s|N/s]; any when None.
-            lower: Joint limits as the robot reports positions [rad|m]; upper: likewise.
-            taper: Distance from a joint limit over which torque fades [rad|m]; zero for a joint without, None for none.
+            torque: Largest torque [Nm|N]; infinity for no limit.
+            slew: Largest rate of change [Nm/s|N/s]; None for no limit.
+            lower, upper: Joint limits in reported positions [rad|m].
+            taper: Distance from a joint limit over which torque fades [rad|m]; zero or None for no fading.
         """
         self.torque = as_not_negative("torque", torque, (None,), finite=False)
         shape = self.torque.shape
@@ -62,29 +58,25 @@ class TorqueLimits:
 
     @property
     def limited(self) -> int:
-        """Ticks in which any torque was made smaller or slower."""
+        """Number of ticks in which a torque was reduced or its rate limited."""
         return int(self._counts[0])
 
     @property
     def not_finite(self) -> int:
-        """Ticks in which any torque or position was NaN or infinite."""
+        """Number of ticks in which a torque or position was NaN or infinite."""
         return int(self._counts[1])
 
     def reset(self, tau: Floats) -> None:
-        """Begin from a torque (n,) [Nm|N] that is being applied; NaN counts as none."""
+        """Reset the counts, and start from the torque (n,) [Nm|N] that is being applied; NaN counts as zero."""
         applied = as_array("tau", tau, self.torque.shape, finite=False)
         self.apply(applied, applied, 0.0)  # compiles, which a tick has no time for
         self._last[:] = np.clip(np.nan_to_num(applied, nan=0.0), -self.torque, self.torque)
         self._counts[:] = 0
 
     def apply(self, tau: Floats, q: Floats, dt: float) -> Floats:
-        """Return the limited torques (n,) [Nm|N] of tau, at positions q (n,) [rad|m], dt [s] after the last call.
-
-        Raises:
-            InputError: Torques or positions are no n numbers; NaN and infinity are.
-        """
+        """Return tau (n,) [Nm|N], limited, at positions q (n,) [rad|m], dt [s] after the last call; NaN is allowed."""
         sent, shape = np.empty(len(self._last)), self.torque.shape
-        # every other type would be compiled for
+        # numba would compile once more for every other type
         wanted, at = as_array("torque", tau, shape, finite=False), as_array("q", q, shape, finite=False)
         bounds = self.torque, self.slew, self.lower, self.upper, self.taper
         _limit(*bounds, self._last, self._counts, wanted, at, float(dt), sent)
@@ -112,7 +104,7 @@ def _limit(
             wanted = 0.0
             not_finite = True
         value = wanted
-        if taper[j] > 0.0 and value != 0.0:  # then the position is a number, too
+        if taper[j] > 0.0 and value != 0.0:  # a torque that is not zero has a finite position
             room = (upper[j] - q[j] if value > 0.0 else q[j] - lower[j]) / taper[j]
             value *= min(max(room, 0.0), 1.0)
         value = min(max(value, -largest[j]), largest[j])

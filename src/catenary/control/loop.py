@@ -1,4 +1,4 @@
-"""The control loop: the only clock, and the only place that cleans up behind a controller."""
+"""The control loop: ticks at a fixed rate, and a safe stop however the loop ends."""
 
 import math
 import time
@@ -24,7 +24,8 @@ from catenary.plant import JointState, Plant, require_ready
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.trajectories.reference import Reference, Trajectory
 
-# [rad], [m] to a first reference from where it is measured, with a controller: an arm may have sagged under another
+# [rad], [m] largest distance from the measured position to the first reference, with a controller: the arm may have
+# sagged under another one
 _MAX_SAG = {"rad": 0.1, "m": 0.01}
 
 
@@ -32,19 +33,19 @@ class GravitySource(Protocol):
     """A source of gravity in the base frame and of the base's rates, such as a sensor on the base."""
 
     def read(self, time: float) -> GravityReading:
-        """Return its reading at the time of a joint state [s]; it raises nothing, and waits for nothing."""
+        """Return the reading at the time of a joint state [s], without blocking and without raising."""
 
 
 class Tick(NamedTuple):
-    """State and command of one tick; observers may keep the arrays, and must not change them."""
+    """State and command of one tick; observers may keep the arrays but must not change them."""
 
     number: int
     time: float  # [s] since the start, in ticks
-    state: JointState  # q is q_calibrated where a corrector is there
+    state: JointState  # q is q_calibrated if the loop has a corrector
     q_nominal: Floats  # (n,) [rad|m] as the robot reported it
-    inside: Flags  # (n,) inside the corrector's valid range; true without corrector
+    inside: Flags  # (n,) inside the corrector's valid range; true without a corrector
     reference: Reference
-    tau: Floats | None  # (n,) [Nm|N] that was sent; None when `reference.q` was, as a position
+    tau: Floats | None  # (n,) [Nm|N] sent torque; None if `reference.q` was sent as a position
 
 
 Observer = Callable[[Tick], None]
@@ -65,40 +66,39 @@ def run_loop(
     give_up_after: int = GIVE_UP_AFTER_TICKS,
     max_speed: ArrayLike | None = None,
 ) -> LoopReport:
-    """Run a controller on a robot along a trajectory, and return a report of timing, trust and tracking.
+    """Run a controller on a robot along a trajectory, and return a report of timing, valid range and tracking.
 
-    A tick: measure, correct, sense gravity, control, limit, send, observe, wait. Without a controller the reference's
-    positions are sent, and the robot's own firmware controls. A late tick delays the motion, it never makes it leap.
-    The clock starts when the first command has gone out.
+    A tick: measure, correct, sense gravity, control, limit, send, observe, wait. Without a controller, the loop sends
+    the reference positions and the robot's firmware controls. A late tick delays the motion and causes no jump.
+    The clock starts when the first command has been sent.
 
-    The robot is where the trajectory begins: by its setpoint without a controller, else as it is measured, or by its
-    calibrated positions. A correction comes on within 1.5 s where the trajectory begins at the
-    position that the robot reports, and where it changes between model and fixed offset: the controller sees no leap.
-    Until then the state's half-widths are wider by what is left out. The torques that it takes are slow where a
-    controller takes its positions (`SlowTorque`), else as measured.
+    The trajectory must begin at the robot's position: at the setpoint without a controller, else at the measured or
+    the calibrated position. If it begins at the measured position, the correction fades in within 1.5 s; so does a
+    change between model and fixed offset. Until then the intervals are wider by the part that is not yet applied.
+    If the controller uses calibrated positions, the model's torque inputs are low-pass filtered (`SlowTorque`).
 
-    At the end the robot holds its position, by its firmware where it has servo_jp, otherwise at zero torque and
-    paused. Whatever else ends the loop, an error or Ctrl-C, it holds its last finite position or gets zero torque,
-    and is paused; the error is raised, with the report so far as its attribute `loop_report`.
+    At the end the robot holds its position: by firmware if it has servo_jp, otherwise paused at zero torque. After an
+    error or Ctrl-C it holds its last finite position or gets zero torque, and is paused; the error is raised with the
+    report so far in its attribute `loop_report`.
 
     Args:
-        limits: On torque; None stops only NaN and infinity, which become zero torque.
-        rate_hz: Of ticks; the plant's own rate divided by a whole number.
-        corrector: Turns reported positions into calibrated ones for the controller; limits look at reported ones.
-        gravity: Takes the place of the gravity vector, its age and the base's rates in every state, the robot's report.
+        limits: Torque limits; with None, only NaN and infinity are replaced, by zero torque.
+        rate_hz: Rate of ticks; the plant's own rate divided by a whole number.
+        corrector: Turns reported positions into calibrated ones for the controller; limits use reported ones.
+        gravity: Replaces the robot's gravity vector, its age and the base's rates in every state.
         observers: Called with every tick, after its command was sent.
-        duration: [s]; the trajectory's when None; infinity runs until Ctrl-C.
-        real_time: Keep time with a simulated plant too, which otherwise runs as fast as it can.
-        give_up_after: Ticks in a row with a torque or a measured position that is NaN or infinite, after which the
-            loop ends, or as many more than a quarter of the others. In fewer such a torque is zero.
-        max_speed: Of measured joints and of the reference, one for all or (n,) [rad/s|m/s], infinity for any, beyond
-            which the loop ends; when None 1.2 times the plant's own `velocity_limit`, without one 2 rad/s, .5 m/s.
+        duration: [s]; the trajectory's if None; infinity runs until Ctrl-C.
+        real_time: Run a simulated plant in real time, instead of as fast as possible.
+        give_up_after: Consecutive ticks with a torque or measured position that is NaN or infinite, after which the
+            loop ends; it also ends once such ticks exceed a quarter of the others by this number.
+        max_speed: Speed of a measured joint or of the reference that ends the loop, one for all or (n,) [rad/s|m/s];
+            if None, 1.2 times the plant's `velocity_limit`, or 2 rad/s and .5 m/s if it has none.
 
     Raises:
         NotReadyError: The plant is not enabled, not homed or busy; nothing was sent.
-        UnsupportedCommandError: It takes no torques, or without controller no positions.
-        LimitError: The trajectory begins elsewhere than the robot is, and nothing was sent; a joint was too fast, or
-            the reference leapt, and the loop ended (`MotionGuard`).
+        UnsupportedCommandError: The plant takes no torques, or without a controller no positions.
+        LimitError: The trajectory begins away from the robot's position, and nothing was sent; or a joint was too fast
+            or the reference jumped, and the loop ended (`MotionGuard`).
         InputError: Rate, duration, trajectory, limits or a torque do not fit the plant.
         NotFiniteError: Torques or measured positions were not finite in too many ticks.
         SensorError: The source of gravity asks for a stop.
@@ -163,7 +163,7 @@ def run_loop(
         if controller is not None:
             run.hold()
         return run.report(finished=True)
-    except BaseException as error:  # Ctrl-C too: whatever ends the loop must not leave the robot under way
+    except BaseException as error:  # Ctrl-C too: the robot must stop whatever ends the loop
         ticks = run.tally.ticks
         error.loop_report = run.report(finished=False)  # type: ignore[attr-defined]
         error.add_note(f"the control loop ended after {ticks} ticks ({ticks * period:.3f} s)")
@@ -177,14 +177,14 @@ def run_loop(
 
 @dataclass(frozen=True)
 class _Run:
-    """One run of the loop: what a tick needs."""
+    """Settings and state of one run of the loop."""
 
     plant: Plant
     controller: Controller | None
     trajectory: Trajectory
     rate_hz: float
-    period: float  # [s] of a tick
-    waits: int  # ticks of the plant in one of the loop
+    period: float  # [s] between ticks
+    waits: int  # the plant's ticks per tick of the loop
     limits: TorqueLimits
     guard: MotionGuard
     finite: FiniteTicks
@@ -242,7 +242,7 @@ class _Run:
         return JointState(*state[:5], reading.gravity, reading.age, reading.base_rates, state.q_interval)
 
     def hold(self) -> None:
-        """Have the robot hold where it is, without the controller."""
+        """Make the robot hold its position without the controller."""
         q = self.plant.measured_js().q
         if not hold_position(self.plant, np.where(np.isfinite(q), q, self.finite.held)):
             self.plant.state_command("pause")
@@ -272,7 +272,7 @@ class _Run:
 
 
 def _require_ready(plant: Plant, controller: Controller | None, rate_hz: float) -> int:
-    """Refuse what cannot run, and return the number of the plant's ticks in one of the loop's."""
+    """Check plant and rate, and return the number of the plant's ticks per tick of the loop."""
     require_ready(plant, "servo_jp" if controller is None else "servo_jf")
     if not 0.0 < rate_hz < math.inf:
         raise InputError(f"rate_hz: expected a positive rate, got {rate_hz}")
@@ -288,7 +288,7 @@ def _require_ready(plant: Plant, controller: Controller | None, rate_hz: float) 
 def _require_near(
     plant: Plant, first: Floats, what: str, q: Floats, correction: Floats, most: Mapping[str, float]
 ) -> Flags:
-    """Refuse to make a robot leap; return which joints begin at their calibrated positions, q + correction (n,)."""
+    """Refuse a jump to the first reference; return flags of joints that begin at q + correction, calibrated (n,)."""
     calibrated = q + correction
     reported, corrected = np.abs(first - q), np.abs(first - calibrated)
     for j, (name, unit) in enumerate(zip(plant.joint_names, plant.joint_units, strict=True)):

@@ -23,7 +23,7 @@ from catenary.units import DISPLAY, TORQUE_UNIT, shown_rows
 
 @dataclass(frozen=True)
 class GravityReport:
-    """How gravity was known during a run."""
+    """Statistics of measured gravity during a run."""
 
     ticks: Mapping[str, int]  # of each status that occurred: nominal, live, stale, fallback, stop
     faults: Mapping[str, int]  # name of each fault that showed, and ticks in which it did
@@ -107,7 +107,7 @@ class RunningRms:
         self._counts += known
 
     def value(self) -> tuple[float, ...]:
-        """Return the RMS (n,); NaN where it never was a number."""
+        """Return the RMS (n,); NaN if it never was a number."""
         with np.errstate(invalid="ignore"):
             return tuple(np.sqrt(self._squares / self._counts).tolist())
 
@@ -140,7 +140,7 @@ class GravityTally:
 
 
 class LoopTally:
-    """What a run of n joints adds up, tick by tick, for its report."""
+    """Sums over the ticks of a run of n joints, for its report."""
 
     def __init__(self, n: int, *, sensed: bool) -> None:
         self.ticks, self.compute = 0, Durations()
@@ -158,7 +158,7 @@ class LoopTally:
 
 @dataclass(frozen=True)
 class Tracking:
-    """What a controller did along a motion, tick by tick, and in sum; joints in the robot's order."""
+    """Tracking of a motion by a controller, tick by tick and in sum; joints in the robot's order."""
 
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]  # "rad" or "m"
@@ -176,7 +176,7 @@ class Tracking:
 
     @property
     def pd_share(self) -> Floats:
-        """RMS of the PD term over RMS of the torque, (n,); 0.1 is 10 %. NaN where no torque was sent at all."""
+        """RMS of the PD term over RMS of the torque, (n,); 0.1 is 10 %. NaN if no torque was sent at all."""
         return pd_share(self.rms_feedback, self.rms_torque)
 
     @property
@@ -221,7 +221,7 @@ class Tracking:
 
 
 def pd_share(rms_feedback: Floats, rms_torque: Floats) -> Floats:
-    """RMS of the PD term over RMS of the torque; NaN where there is no torque."""
+    """RMS of the PD term over RMS of the torque; NaN if there is no torque."""
     return np.divide(rms_feedback, rms_torque, out=np.full_like(rms_torque, np.nan), where=rms_torque > 0.0)
 
 
@@ -232,7 +232,7 @@ def _known(gravity: GravityReport | None) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Holding:
-    """Where an arm went that nothing but gravity compensation held."""
+    """Drift of an arm that is held only by gravity compensation."""
 
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]  # "rad" or "m"
@@ -243,7 +243,7 @@ class Holding:
 
     @property
     def drift(self) -> Floats:
-        """How far each joint was from where it began, at most, (n,) [rad|m], true positions."""
+        """Largest distance of each joint from its start (n,) [rad|m], by true positions."""
         return np.abs(self.q_true - self.q_true[0]).max(axis=0)
 
     def as_data(self) -> dict[str, Any]:

@@ -32,11 +32,11 @@ class SplitController(Controller, Protocol):
 
     @property
     def feedback(self) -> Floats:
-        """What the errors asked for, (n,) [Nm|N]: the PD term."""
+        """PD term (n,) [Nm|N]."""
 
     @property
     def feedforward(self) -> Floats:
-        """What the model asked for, (n,) [Nm|N]: gravity and inertia."""
+        """Model term (n,) [Nm|N]: gravity and inertia."""
 
 
 def nominal_gravity(gravity: ArrayLike | None) -> Floats | None:
@@ -83,7 +83,7 @@ class JointPD:
         self.feedforward = np.zeros(len(self.kp))
 
     def torque(self, state: JointState, reference: Reference) -> Floats:
-        """Return torques (n,) [Nm|N]; NaN where a position or velocity is."""
+        """Return torques (n,) [Nm|N]; NaN if a position or velocity is."""
         if not len(state.q) == len(state.qd) == len(reference.q) == len(reference.qd) == len(self.kp):
             raise InputError(f"PD: the gains are for {len(self.kp)} joints, the robot has {len(state.q)}")
         # a desired velocity that does not count must not bring in its NaN

@@ -64,8 +64,7 @@ def hold_position(plant: Plant, q: Floats) -> bool:
     """Command a robot to hold positions; zero torque where it takes no positions or they are not finite.
 
     Args:
-        plant: The robot.
-        q: Positions (n,) [rad|m].
+        plant, q: The robot, and positions (n,) [rad|m].
 
     Returns:
         Whether positions were commanded.

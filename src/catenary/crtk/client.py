@@ -1,20 +1,17 @@
-"""A robot behind CRTK's topics as a `Plant`, used like a simulated one.
+"""CRTK client: a robot on CRTK topics as a `Plant`, used like a simulated one; the RAVEN-II's start button.
 
-Positions are sent as goals, never as increments: `servo_jr` moves the goal and sends where it is, so that a message
-that is lost or comes twice puts no joint elsewhere. A RAVEN-II takes one clamped step (2.5 mrad, 0.05 mm) per
-`servo_jp`; as long as its setpoint is not at the goal, `wait` sends the goal again, once a tick. The goal is forgotten
-when the robot is not ENABLED any more, or when something else has moved its setpoint.
+Positions are sent as goals, never as increments: `servo_jr` moves the goal and sends it, so that a lost or duplicated
+message causes no offset. A RAVEN-II takes one clamped step (2.5 mrad, 0.05 mm) per `servo_jp`; until its setpoint is at
+the goal, `wait` sends the goal again, once per tick. The goal is dropped when the robot is no longer ENABLED, or when
+something else has moved its setpoint.
 
-`wait` sleeps until the next tick on a grid of the client's own; what came from the robot meanwhile is read afterwards.
-Neither a robot that publishes slowly nor one that has died can hold a loop up: its silence shows in `measured_js`,
-which refuses a state older than `stale_after`.
+`wait` sleeps until the client's own next tick; messages that arrived meanwhile are read afterwards. A robot that
+publishes slowly or has died cannot block a loop: `measured_js` refuses a state older than `stale_after`.
 
-State commands are never latched: a robot that restarts must not be enabled by what was asked of it before.
+State commands are never latched: an earlier command must not enable a robot that restarts.
 
-One program at a time moves an arm. A client that has not moved it yet listens to what others command, and refuses to
-begin while one does, by its name; a served robot refuses the second one too, and what it says ends that one's motion.
-
-A RAVEN-II's silver button is pressed by its topic, which every network carries.
+Only one program at a time moves an arm. Before its first command, a client listens for commands of other programs and
+refuses to start while there are any, naming the program. A served robot also refuses the second program.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,15 +32,15 @@ from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import NotReadyError, TransportError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, OperatingState, StateCommand, require_ready
 
-_REACHED_WITHIN = 1e-6  # [rad|m] a robot's setpoint this near is the goal: RAVEN-II computes in floats of 32 bits
-_COMMAND_TIMEOUT_S = 2.0  # [s] until a transition must have been confirmed
-_HOMING_TIMEOUT_S = 180.0  # [s]; RAVEN-II's external encoders alone are given 60 s
-_HOME_SETTLES_S = 0.05  # [s] in which a robot takes up `home`: before, its state is still the one from before
-_SENDS = ("servo_jp", "servo_jf", "state_command")  # verbs, those that the dialect has
+_REACHED_WITHIN = 1e-6  # [rad|m] distance of the setpoint to a reached goal: RAVEN-II computes in 32-bit floats
+_COMMAND_TIMEOUT_S = 2.0  # [s] until a transition must be confirmed
+_HOMING_TIMEOUT_S = 180.0  # [s]; RAVEN-II's external encoders alone may take 60 s
+_HOME_SETTLES_S = 0.05  # [s] until a robot's state reflects the command `home`
+_SENDS = ("servo_jp", "servo_jf", "state_command")  # verbs sent, if the dialect has them
 _CONFIRMED: Mapping[StateCommand, Callable[[OperatingState], bool]] = {
     "enable": lambda now: now.state == "ENABLED",
     "disable": lambda now: now.state == "DISABLED",
-    "pause": lambda now: now.state != "ENABLED",  # one that is not enabled is not under way either
+    "pause": lambda now: now.state != "ENABLED",  # a robot that is not enabled does not move either
     "resume": lambda now: now.state == "ENABLED",
     "home": lambda now: now.is_homed and not now.is_busy,
     "unhome": lambda now: not now.is_homed,
@@ -51,16 +48,16 @@ _CONFIRMED: Mapping[StateCommand, Callable[[OperatingState], bool]] = {
 
 
 class CrtkClient(CrtkReader):
-    """One arm of a robot that speaks CRTK, read and commanded; a state older than `stale_after` is TransportError."""
+    """One arm of a CRTK robot, read and commanded; a state older than `stale_after` raises TransportError."""
 
     _obeys = True
 
     def _begin(self) -> None:
         """Prepare to command; nothing is sent."""
         self._stamps = Stamps(self.transport.clock)
-        self._goal: Floats | None = None  # (n,) sent last
-        self._arrived = False  # whether the robot's setpoint has been at the goal
-        self._sent = False  # whether a command went out in this tick
+        self._goal: Floats | None = None  # (n,) last goal sent
+        self._arrived = False  # the robot's setpoint has been at the goal
+        self._sent = False  # a command was sent in this tick
         self._publishers: dict[str, Publisher] = {}
         kept = self._open.enter_context
         for topic in self.dialect.topics(self.arm, self.namespace):
@@ -69,7 +66,7 @@ class CrtkClient(CrtkReader):
         self._others = kept(closing(OtherCommanders(self.transport, self.dialect, self.arm, self.namespace)))
 
     def require_free(self) -> None:
-        """Listen a third of a second: refuse an arm that another program moves, or two robots of one name."""
+        """Listen for a third of a second; refuse an arm that another program moves, or two robots of one name."""
         self._others.listen()
         self._require_one_robot()
 
@@ -80,32 +77,32 @@ class CrtkClient(CrtkReader):
         obeys = torques is not None and self.transport.connections(torques.topic).subscribers
         self.supports = frozenset({"servo_jp", "servo_jr", "state_command", *(("servo_jf",) if obeys else ())})
 
-    # what it obeys
+    # commands
 
     def servo_jp(self, q: ArrayLike) -> None:
-        """Send a goal (n,) [rad|m] within the limits, or no further out than the setpoint is; `wait` sends it again."""
+        """Send a goal (n,) [rad|m], clipped to the limits or, beyond these, to the setpoint; `wait` sends it again."""
         self._require("servo_jp")
         self._send_goal(as_array("servo_jp", q, (len(self.joint_names),)))
 
     def servo_jr(self, dq: ArrayLike) -> None:
-        """Move the goal by dq (n,) [rad|m] and send it; several in a tick add up."""
+        """Move the goal by dq (n,) [rad|m] and send it; increments in one tick add up."""
         self._require("servo_jr")
         step = as_array("servo_jr", dq, (len(self.joint_names),))
         self._forget_what_is_not_ours()
         self._send_goal((self._setpoint() if self._goal is None else self._goal) + step)
 
     def servo_jf(self, tau: ArrayLike) -> None:
-        """Send joint torques (n,) [Nm|N]; a robot that takes none raises UnsupportedCommandError."""
+        """Send joint torques (n,) [Nm|N]."""
         self._require("servo_jf")
         effort = as_array("servo_jf", tau, (len(self.joint_names),))
         self._goal = None
         self._publish("servo_jf", effort=effort)
 
     def state_command(self, command: StateCommand, *, timeout: float | None = None) -> None:
-        """Ask for a transition and wait `timeout` [s] (2 s when None, for home 180 s) until the robot confirms it.
+        """Request a transition and wait up to `timeout` [s] for its confirmation (if None, 180 s for home, else 2 s).
 
         Raises:
-            NotReadyError: The robot did not do it in time; the message says what state it is in.
+            NotReadyError: The robot did not confirm in time; the message states its state.
         """
         if command not in STATE_COMMANDS:
             raise UnsupportedCommandError(f'state command "{command}": expected one of {", ".join(STATE_COMMANDS)}')
@@ -114,7 +111,7 @@ class CrtkClient(CrtkReader):
             self._require_one_robot()
         begin = self.transport.steady()
         patience = timeout or (_HOMING_TIMEOUT_S if command == "home" else _COMMAND_TIMEOUT_S)
-        if self.age > self.stale_after:  # it is silent already
+        if self.age > self.stale_after:  # the robot is already silent
             patience = min(patience, self.stale_after)
         settle = _HOME_SETTLES_S if command == "home" else 0.0
         self._publishers["state_command"].publish(command_message(command, self._stamps.next(begin)))
@@ -123,7 +120,7 @@ class CrtkClient(CrtkReader):
             self.transport.sleep(self.period)
             elapsed = (self.transport.steady() - begin) / SECOND
             now = operating_state_of(latest.message())
-            # a robot may publish its state only when it changes: then what held before holds
+            # a robot may publish its state only on changes: without news the last state holds
             is_news = latest.arrived is not None and latest.arrived > begin
             if elapsed >= settle and (is_news or elapsed > 10.0 * _HOME_SETTLES_S) and _CONFIRMED[command](now):
                 return
@@ -135,7 +132,7 @@ class CrtkClient(CrtkReader):
                 )
 
     def wait(self) -> None:
-        """End a tick: send a goal again that the robot has not reached, then sleep until the next tick."""
+        """End a tick: resend a goal that the robot has not reached, then sleep until the next tick."""
         if not self._sent:
             self._forget_what_is_not_ours()
             if self._goal is not None and not self._arrived:
@@ -148,7 +145,7 @@ class CrtkClient(CrtkReader):
         self._others.require_none()
 
     def _require_one_robot(self) -> None:
-        """Refuse to go on where two robots are heard, a third of a second after the connection at the earliest."""
+        """Refuse two robots of one name, at the earliest a third of a second after the connection."""
         connected = (self.transport.steady() - self._since) / SECOND
         self.transport.sleep(max(0.0, LISTEN_S - connected))
         require_one_robot(self.transport, self._latest["measured_js"])
@@ -168,7 +165,7 @@ class CrtkClient(CrtkReader):
         self._sent = True
 
     def _forget_what_is_not_ours(self) -> None:
-        """Forget a goal that a pedal, a restart or somebody else has overtaken."""
+        """Drop a goal after a pedal, a restart or another program has changed the robot's state or setpoint."""
         if self._goal is None:
             return
         if self.age > self.stale_after or self.operating_state().state != "ENABLED":
@@ -189,21 +186,20 @@ class CrtkClient(CrtkReader):
         for verb in ("servo_jp", "state_command"):
             topic = self._publishers[verb].topic
             listeners = {name.rpartition("/")[2] for name in self.transport.connections(topic).subscribers}
-            if not listeners - {self.transport.name}:  # this client listens to who else commands
+            if not listeners - {self.transport.name}:  # the client itself listens, for commands of others
                 faults.append(f"{topic}: nobody listens")
         return faults
 
 
-STARTS_TEXT = ": starts"  # what the robot says of an arm that the button starts
-_BUTTON_PREFIX = "button: "  # before it, where it says so on a topic
+STARTS_TEXT = ": starts"  # in the robot's message on an arm that the button starts
+_BUTTON_PREFIX = "button: "  # start of that message on a topic
 
 
 def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]:
     """Press a RAVEN-II's silver button.
 
     Args:
-        transport: Connection.
-        timeout: Time to wait for the robot's answer [s].
+        transport, timeout: Connection, and time to wait for the robot's answer [s].
 
     Returns:
         Whether an arm starts, and the robot's message.

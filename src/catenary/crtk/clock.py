@@ -21,7 +21,7 @@ class Clock:
         return time.time_ns()
 
     def steady(self) -> int:
-        """Return the time of day [ns since 1970] as if nobody had set the clock since this was made."""
+        """Return the time of day [ns since 1970], ignoring changes to the clock since this object was created."""
         return self._ahead + self.elapsed()
 
     def set_by(self) -> int:
@@ -36,7 +36,7 @@ class Clock:
         return elapsed_ns()
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass."""
+        """Sleep for some seconds; return at once if not positive."""
         if seconds > 0.0:
             time.sleep(seconds)
 

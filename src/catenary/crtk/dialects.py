@@ -12,8 +12,7 @@ class DialectKind:
     """A dialect by name.
 
     Args:
-        name: As it is typed.
-        words: What it is, in the words of the help.
+        name, words: Name as typed, and description in the help.
         topics_by: `module:function` of this room; takes (arm or None for the whole robot, namespace or None).
         served_by: `module:class` of this room; takes (arms by name, topics or None for a RAVEN-II's).
         has_run_levels: Operating states are a RAVEN-II's run levels: a silver button starts the robot, a pedal lets it

@@ -42,7 +42,7 @@ class OtherCommanders:
             self.we_command()
 
     def require_none(self) -> None:
-        """Look at what has come."""
+        """Read the messages that have arrived."""
         for heard in self._heard:
             for one in heard.take_arrivals():
                 program = one.process.partition(" ")[0]
@@ -68,7 +68,7 @@ class OtherCommanders:
             self._heard.pop().close()
 
     def close(self) -> None:
-        """Hear no more."""
+        """Close all subscriptions."""
         self.we_command()
         if self._told is not None:
             self._told.close()
@@ -92,7 +92,7 @@ class Commander:
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
         self._topic: str | None = None  # that it commanded by
-        self._process: tuple[str, ...] = ()  # its name and address; none where the transport does not tell
+        self._process: tuple[str, ...] = ()  # its name and address; none if the transport does not tell
         self._commanded = 0  # [ns] its last command that was obeyed, later by what the server stood still since
         self._heard = 0  # [ns] its last command that came in, obeyed or not
         self._looked, self._went_on = transport.steady(), 0  # [ns] last look, and end of the last stall

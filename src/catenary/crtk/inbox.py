@@ -1,4 +1,4 @@
-"""What has arrived at a transport and waits to be looked at: bounded queues, one order of arrival for all of them."""
+"""Queues of messages that have arrived at a transport: bounded, with one order of arrival for all of them."""
 
 import threading
 from collections import deque
@@ -35,7 +35,7 @@ class Arrival(NamedTuple):
 
     message: Message
     time: int  # [ns] by the transport's `steady`
-    process: str  # of the publisher, as in `Origin`; empty where the transport does not tell
+    process: str  # of the publisher, as in `Origin`; empty if the transport does not tell
     is_first: bool  # the first over a connection to a latching publisher
     is_renewed: bool  # and that publisher has been heard over an earlier connection
     sent: int | None = None  # [ns] by the publisher's clock of the day, where the transport tells

@@ -17,7 +17,7 @@ _PROCESSES = count()  # tells transports of the same name apart
 
 
 class LoopbackNetwork:
-    """What transports of one process share: names and time; the lock is held while they look at one another."""
+    """Names and time shared by the transports of one process; access requires the lock."""
 
     def __init__(self, *, clock: Clock | None = None) -> None:
         self.clock = clock or Clock()
@@ -67,7 +67,7 @@ class LoopbackPublisher(Publisher):
 
 
 class LoopbackTopic(HeardTopic):
-    """What a transport receives of one topic."""
+    """Subscription of a transport to one topic."""
 
     def __init__(self, network: LoopbackNetwork, topic: str, type_name: str) -> None:
         super().__init__(type_name)

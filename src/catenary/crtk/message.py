@@ -48,7 +48,7 @@ def has_header(name: str) -> bool:
 
 
 def stamp_of(message: Message) -> int | None:
-    """Return the stamp [ns] of a message's header, or None where it has no header."""
+    """Return the stamp [ns] of a message's header, or None if it has no header."""
     first = message[0] if message else None
     return first.stamp if isinstance(first, message_class(HEADER)) else None
 

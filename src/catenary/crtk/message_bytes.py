@@ -27,7 +27,7 @@ _Change = Callable[[Any], Any]
 
 
 class Encoding(NamedTuple):
-    """What ROS 1's and ROS 2's bytes differ in."""
+    """Differences between the encodings of ROS 1 and ROS 2."""
 
     ros: int
     front: bytes
@@ -38,7 +38,7 @@ CDR = Encoding(2, b"\0\1\0\0")  # little-endian, no options
 
 
 class Codec(NamedTuple):
-    """How messages of one type become bytes, and bytes messages."""
+    """Codec between messages of one type and bytes."""
 
     encode: Callable[..., bytes]  # message, and for ROS 1 the number that goes into the header's `seq`
     decode: Callable[[bytes], Message]
@@ -171,7 +171,7 @@ def _preparation(name: str, encoding: Encoding) -> _Change:
 
 
 def _prepared(field: Field, encoding: Encoding) -> _Change | None:
-    """Return the conversion of a field's value to rosbags'; None where it is unchanged."""
+    """Return the conversion of a field's value to rosbags'; None if it is unchanged."""
     length = field.length
     if field.type in NUMBERS:
         kind = np.dtype(NUMBERS[field.type])
@@ -243,7 +243,7 @@ def _completion(name: str, encoding: Encoding) -> _Change:
 
 
 def _completed(field: Field, encoding: Encoding) -> _Change | None:
-    """Return the conversion of a field's value from rosbags'; None where it is unchanged."""
+    """Return the conversion of a field's value from rosbags'; None if it is unchanged."""
     if field.type in NUMBERS:
         return None if field.length is None else np.array  # aligned, and the receiver's own
     if field.length is not None:

@@ -33,11 +33,8 @@ def joint_state_message(
     """Return a sensor_msgs/JointState.
 
     Args:
-        names: Joint names.
-        stamp: Time [ns].
-        position: (n,) [rad|m]; empty to leave it out.
-        velocity: (n,) [rad/s|m/s]; empty to leave it out.
-        effort: (n,) [Nm|N]; empty to leave it out.
+        names, stamp: Joint names, and time [ns].
+        position, velocity, effort: (n,) [rad|m], [rad/s|m/s], [Nm|N]; empty to leave it out.
     """
     values = []
     for field, given in zip(_NUMBERS, (position, velocity, effort), strict=True):
@@ -49,7 +46,7 @@ def joint_state_message(
 
 
 def named_joints(message: Message, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return those of our joints that a sensor_msgs/JointState names, in its order."""
+    """Return the joints of ours that a sensor_msgs/JointState names, in its order."""
     return tuple(name for name in _own_names(tuple(message.name[: 2 * len(names)]), names) if name in names)
 
 
@@ -62,8 +59,7 @@ def joint_values(
     count, in our order, as the RAVEN-II takes them.
 
     Args:
-        message: The message.
-        names: Our joints.
+        message, names: The message, and our joints.
         field: "position", "velocity" or "effort".
         rest: Numbers of joints that are not named (n,); None refuses them.
 
@@ -116,7 +112,7 @@ def _own_names(given: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...
 def joint_state(
     message: Message, names: tuple[str, ...], *, gravity: ArrayLike, gravity_age: float = np.inf
 ) -> JointState:
-    """Return a sensor_msgs/JointState's, NaN where it has none; gravity (3,) [m/s2] is `gravity_age` [s] old."""
+    """Return a sensor_msgs/JointState's, NaN if it has none; gravity (3,) [m/s2] is `gravity_age` [s] old."""
     q = joint_values(message, names)
     qd, tau = (
         joint_values(message, names, field) if len(getattr(message, field)) else np.full(len(names), np.nan)
@@ -130,8 +126,7 @@ def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = N
     """Return a geometry_msgs/PoseStamped, or a TransformStamped, as older CRTK has it.
 
     Args:
-        pose: Pose.
-        stamp: Time [ns].
+        pose, stamp: Pose, and time [ns].
         frame_id: Frame that the pose is in.
         child: Frame whose pose it is, for a TransformStamped.
     """

@@ -42,7 +42,7 @@ class RosArguments:
         return self.topics.get(name, name)
 
     def own_name(self, name: str) -> str | None:
-        """Return this program's name of a network topic; None where that name means another topic to it."""
+        """Return this program's name of a network topic; None if that name means another topic to it."""
         own = next((own for own, other in self.topics.items() if other == name), None)
         return own or (None if name in self.topics else name)
 
@@ -213,8 +213,7 @@ def node_name(program: str, given: str | None = None) -> str:
     """Return a unique node name: ROS 1 ends the older of two programs of one name.
 
     Args:
-        program: Program, for catenary_PROGRAM_PID.
-        given: Name given by the user, used in its place.
+        program, given: Program, for catenary_PROGRAM_PID; name given by the user, used instead.
 
     Raises:
         InputError: ROS cannot have the name.

@@ -67,7 +67,7 @@ def _profile(depth: int, quality: _Quality) -> QoSProfile:
 
 
 class _Publisher(Publisher):
-    """Publisher of one topic; what nobody listens to, and what is not latched, is not even encoded."""
+    """Publisher of one topic; a message is encoded only if there are subscribers or the topic is latched."""
 
     def __init__(self, node: Any, kind: Any, topic: str, type_name: str, profile: QoSProfile) -> None:
         super().__init__(topic, type_name)

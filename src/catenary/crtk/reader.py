@@ -1,4 +1,4 @@
-"""A robot behind CRTK's topics, only listened to: nothing is advertised, and nobody has to take commands.
+"""CRTK reader: the state of a robot on CRTK topics, without publishing and without commands.
 
 So any number of programs look at one robot, and a recording that is played back (`rosbag play`) is as good as a robot.
 A RAVEN-II that publishes no operating state, as in a recording, tells it by the run level of its raven_state; a robot
@@ -45,7 +45,7 @@ class RavenTelemetry:
     """Latest raven_state, both arms' channels, and what external encoders say."""
 
     def __init__(self, transport: Transport, arm: Arm) -> None:
-        """Begin to receive."""
+        """Start receiving."""
         self.latest = Latest(transport, RAVENSTATE.name, RAVENSTATE.type)
         self._throttled = Latest(transport, RAVENSTATE_100HZ.name, RAVENSTATE_100HZ.type)  # as in recordings
         self.encoders = Latest(transport, EXT_JPOS.name, EXT_JPOS.type)
@@ -224,7 +224,7 @@ class CrtkReader(NeverMoved):
         return state._replace(time=time, q=np.array(state.q), qd=np.array(state.qd), tau=np.array(tau), q_motor=q_motor)
 
     def setpoint_js(self) -> JointState:
-        """Return the latest setpoint, at rest where no velocity is reported; NaN where none came, as of a recording."""
+        """Return the latest setpoint, at rest where no velocity is reported; NaN if none came, as of a recording."""
         state = self.measured_js()
         message = self._latest["setpoint_js"].message()
         if message is None:
@@ -245,7 +245,7 @@ class CrtkReader(NeverMoved):
 
     @property
     def fault_reason(self) -> str:
-        """Why the arm is in FAULT, as /diagnostics tells; empty where nobody tells."""
+        """Reason for the arm's FAULT from /diagnostics; empty if none is published."""
         message = self._diagnostics.message()
         for status in () if message is None else message.status:
             if status.hardware_id == self.command_place and status.message.startswith("FAULT: "):

@@ -61,7 +61,7 @@ class CrtkTopic:
 
     @property
     def is_latched(self) -> bool:
-        """Whether whoever comes later gets its last message: what is said on change."""
+        """Whether the topic is latched: late subscribers get its last message."""
         is_event = is_dvrks(self.verb) and self.direction == "out" and self.type in _TOLD_ON_CHANGE
         return self.verb == "operating_state" or (is_event and self.verb != ERROR)
 
@@ -194,8 +194,7 @@ def calibrated_namespace(arm: Arm, namespace: str | None = None) -> str:
     """Return the prefix of the topics of an arm's deployed model.
 
     Args:
-        arm: Side of a RAVEN-II.
-        namespace: The arm's namespace, if it has one.
+        arm, namespace: Side of a RAVEN-II, or the arm's namespace, if it has one.
     """
     return f"{NAMESPACES[arm] if namespace is None else '/' + namespace.strip('/')}/calibrated"
 
@@ -274,8 +273,7 @@ def topic_name(dialect: str, verb: str, arm: Arm | None = None) -> str:
     """Return the name of the topic of a verb; see `find_topic`.
 
     Args:
-        dialect: CRTK dialect.
-        verb: The verb.
+        dialect, verb: CRTK dialect, and verb.
         arm: Side of a RAVEN-II; the robot when None.
     """
     return find_topic(dialect, verb, arm).name

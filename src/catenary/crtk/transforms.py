@@ -1,4 +1,4 @@
-"""Where a frame is, seen from another that does not move against it: by /tf_static and /tf, live or recorded."""
+"""Pose of a frame in another one that is fixed relative to it, from /tf_static and /tf, live or recorded."""
 
 from itertools import islice
 from pathlib import Path
@@ -62,8 +62,7 @@ def recorded_pose(path: Path, base: str, frame: str) -> Pose:
 
     Args:
         path: The recording.
-        base: Base frame.
-        frame: Frame.
+        base, frame: Names of the frames.
 
     Raises:
         InputError: No transform connects them.
@@ -82,8 +81,7 @@ def heard_pose(transport: Transport, base: str, frame: str) -> Pose:
 
     Args:
         transport: Connection.
-        base: Base frame.
-        frame: Frame.
+        base, frame: Names of the frames.
 
     Raises:
         TransportError: They are not known within three seconds.

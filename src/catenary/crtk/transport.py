@@ -59,7 +59,7 @@ class Publisher:
 
     @property
     def missed(self) -> Mapping[str, int]:
-        """Messages that slow peers missed, by the peer's name; empty where nothing waits, or nobody counts."""
+        """Messages that slow peers missed, by the peer's name; empty if nothing waits, or nobody counts."""
         return {}
 
     @property
@@ -332,7 +332,7 @@ class Latest:
         return self._message
 
     def fresh(self, patience: float) -> Message:
-        """Return the newest message, or None where none has come for `patience` [s]."""
+        """Return the newest message, or None if none has come for `patience` [s]."""
         return self._message if self.age() <= patience else None
 
     def age(self) -> float:

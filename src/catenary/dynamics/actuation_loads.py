@@ -1,4 +1,4 @@
-"""What friction, rotors, springs and known torques ask of the actuators, as columns of a regressor."""
+"""Loads of friction, rotors, springs and known torques on the actuators, as columns of a regressor."""
 
 from typing import Any, NamedTuple
 
@@ -26,7 +26,7 @@ class ActuationLoads(NamedTuple):
 
     @property
     def rotors(self) -> Floats:
-        """What rotors add to the mass matrix (n, n)."""
+        """Contribution of rotors to the mass matrix (n, n)."""
         added = np.zeros((self.n, self.n))
         for term, value in zip(self.terms, self.values, strict=True):
             if term.kind == "motor_inertia":
@@ -73,7 +73,7 @@ def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) ->
 
 
 def known_loads(model: RobotModel) -> ActuationLoads | None:
-    """Return the friction, rotors and springs that a robot brings with their numbers; None where they are not known."""
+    """Return the friction, rotors and springs that a robot brings with their numbers; None if they are not known."""
     actuation = model.actuation
     if actuation is None or actuation.values is None:
         return None

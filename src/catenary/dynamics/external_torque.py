@@ -27,7 +27,7 @@ _SINGULAR_RATIO = 1e-3  # of a Jacobian's largest singular value, rad and m alik
 
 
 class ExternalTorque(NamedTuple):
-    """What something outside asks of the joints, and how far it can be off in 95 of 100 cases."""
+    """External joint torques, with half-widths of their 95 % intervals."""
 
     torque: Floats  # (n,) or (N, n) [Nm or N]
     half_width: Floats  # (n,): the interval is torque - half_width to torque + half_width
@@ -36,7 +36,7 @@ class ExternalTorque(NamedTuple):
 class ExternalWrench(NamedTuple):
     """A force and a moment about a frame's origin, in base axes, that ask for given torques."""
 
-    wrench: Floats  # (6,) force [N], moment [Nm]; NaN where the arm cannot tell
+    wrench: Floats  # (6,) force [N], moment [Nm]; NaN if the arm cannot tell
     half_width: Floats  # (6,) of intervals that hold 95 of 100
 
 

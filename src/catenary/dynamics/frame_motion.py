@@ -1,4 +1,4 @@
-"""How a frame moves, from the motion of the joints and of the base."""
+"""Velocity and acceleration of a frame, from the motion of the joints and of the base."""
 
 from typing import NamedTuple
 

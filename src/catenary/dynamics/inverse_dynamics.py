@@ -27,7 +27,7 @@ from catenary.robots.plausible import gravity_doubts
 
 _ZERO = (0.0, 0.0, 0.0)
 _FELT_M_S2 = 30.0  # beyond which no base feels gravity and its own acceleration
-_UP_M_S2 = 1.0  # upwards, from which on a base hangs, and is not on a wall with a sensor's noise
+_UP_M_S2 = 1.0  # upwards, from which a base hangs, and is not on a wall with a sensor's noise
 _BEYOND = {"rad": 10.0, "m": 1.0}  # limits: numbers in degrees and millimetres are, wound-up joints less
 _AT_REST = np.zeros(3)  # rates of the base
 
@@ -72,8 +72,7 @@ def inverse_dynamics(
     Args:
         model: The robot; needs inertia.
         q: Positions (n,) or (N, n) [rad or m].
-        qd: Velocities, as `q`.
-        qdd: Accelerations, as `q`.
+        qd, qdd: Velocities and accelerations, as `q`.
         gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
         base: Motion of the base, one for all rows or one a row; at rest when None.
         loads: Friction, rotors, springs and known torques to add: `known_loads(model)`; none when None.
@@ -304,7 +303,7 @@ _INVERSE_DYNAMICS = DynamicQuantity("inverse-dynamics", inverse_dynamics_line, _
 _MASS_MATRIX = DynamicQuantity("mass-matrix", mass_matrix_line, _mass_matrix_rows, 2)
 
 
-_MASSLESS_CONDITION = 1e13  # condition of a mass matrix from which on some motion moves no mass
+_MASSLESS_CONDITION = 1e13  # condition of a mass matrix from which some motion moves no mass
 _LOAD_ROUNDS = 200  # in which friction that grows with the load must settle
 _SETTLED_SHARE = 1e-12  # of the torque
 
@@ -331,8 +330,7 @@ def forward_dynamics(
         qd: Velocities, as `q`.
         tau: Torques, as `q` [Nm or N].
         gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
-        base: Motion of the base; at rest when None.
-        loads: Friction, rotors, springs and known torques: `known_loads(model)`; none when None.
+        base, loads: Motion of the base, and `known_loads(model)`; None for a base at rest and for no loads.
 
     Returns:
         (n,) or (N, n) [rad/s2 or m/s2].

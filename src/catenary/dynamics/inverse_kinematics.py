@@ -19,7 +19,7 @@ _MOST_DAMPING = 1e8
 
 
 class Approach(NamedTuple):
-    """Where a search ended, and how far from the target."""
+    """Result of a search: coordinates, and distance to the target."""
 
     q: Floats  # (n,) [rad or m]
     position_error: float  # [m]

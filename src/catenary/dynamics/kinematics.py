@@ -1,4 +1,4 @@
-"""Where the links and frames are, and how they move with the coordinates."""
+"""Forward kinematics: poses of links and frames, and Jacobians."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,8 +49,7 @@ def forward_kinematics(model: RobotModel, q: ArrayLike, frame: str | None = None
 
     Args:
         model: The robot.
-        q: Positions (n,) or (N, n) [rad or m].
-        frame: Name of the frame; the tip when None.
+        q, frame: Positions (n,) or (N, n) [rad or m], and name of the frame; the tip if None.
 
     Returns:
         Rotation R_base_frame (3, 3) or (N, 3, 3) and position (3,) or (N, 3) [m].
@@ -87,8 +86,7 @@ def relative_pose(model: RobotModel, q: ArrayLike, frame: str, in_frame: str) ->
     Args:
         model: The robot.
         q: One configuration (n,) [rad or m].
-        frame: Frame whose pose is wanted.
-        in_frame: Frame that it is expressed in.
+        frame, in_frame: Frame whose pose is returned, and the frame in which it is expressed.
     """
     placed = Configuration(model, q)
     return placed.pose(in_frame).inverse() @ placed.pose(frame)
@@ -102,8 +100,7 @@ def jacobian(model: RobotModel, q: ArrayLike, frame: str | None = None, point: A
 
     Args:
         model: The robot.
-        q: Positions (n,) or (N, n) [rad or m].
-        frame: Name of the frame; the tip when None.
+        q, frame: Positions (n,) or (N, n) [rad or m], and name of the frame; the tip if None.
         point: Point in the frame's axes (3,) [m]; its origin when None.
 
     Returns:

@@ -244,7 +244,7 @@ def _in_two(model: RobotModel) -> tuple[Tree, Floats, Floats, Floats]:
 
 
 def _turn_to(axis: Floats) -> Floats:
-    """Return a rotation whose z is the axis; none where the axis is x, y or z already."""
+    """Return a rotation whose z is the axis; none if the axis is x, y or z already."""
     if np.max(np.abs(axis)) > 1.0 - _EXACT_RATIO:
         return np.eye(3)
     first = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])

@@ -39,8 +39,7 @@ def row(array: Numbers, i: int) -> Vector:
     """Return row i of an (n, 3) array as a vector.
 
     Args:
-        array: (n, 3).
-        i: Row.
+        array, i: (n, 3), and index of the row.
     """
     return array[i, 0], array[i, 1], array[i, 2]
 
@@ -50,9 +49,7 @@ def put(array: Numbers, i: int, v: Vector) -> None:
     """Write a vector into row i of an (n, 3) array.
 
     Args:
-        array: (n, 3), written.
-        i: Row.
-        v: Vector.
+        array, i, v: (n, 3), written; index of the row; vector (3,).
     """
     array[i, 0] = v[0]
     array[i, 1] = v[1]
@@ -90,8 +87,7 @@ def dot(a: Vector, b: Vector) -> Any:
     """Return the scalar product a . b.
 
     Args:
-        a: Vector.
-        b: Vector.
+        a, b: Vectors (3,).
     """
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
@@ -101,8 +97,7 @@ def cross(a: Vector, b: Vector) -> Vector:
     """Return the cross product a x b.
 
     Args:
-        a: Vector.
-        b: Vector.
+        a, b: Vectors (3,).
     """
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
@@ -122,9 +117,7 @@ def transpose_times(matrices: Numbers, i: int, v: Vector) -> Vector:
     """Return matrices[i].T @ v; with R_parent_i it takes a vector from the parent's axes to those of frame i.
 
     Args:
-        matrices: (n, 3, 3).
-        i: Matrix.
-        v: Vector.
+        matrices, i, v: (n, 3, 3); index of the matrix; vector (3,).
     """
     return (
         matrices[i, 0, 0] * v[0] + matrices[i, 1, 0] * v[1] + matrices[i, 2, 0] * v[2],
@@ -143,10 +136,8 @@ def place_joints(tree: Tree, x: Numbers, sine: Numbers, cosine: Numbers, rotatio
     Args:
         tree: The robot's tree.
         x: Coordinates (n,), read of prismatic joints [m].
-        sine: Sines of the angles (n,), read of revolute joints.
-        cosine: Cosines of the angles (n,).
-        rotation: R_parent_i (n, 3, 3), written.
-        position: Origins in the parent (n, 3) [m], written.
+        sine, cosine: Sines and cosines of the angles (n,), read of revolute joints.
+        rotation, position: R_parent_i (n, 3, 3), and origins in the parent (n, 3) [m], written.
     """
     for i in range(len(tree.parent)):
         a = row(tree.axis, i)
@@ -233,8 +224,7 @@ def gravity_recursion(
 
     Args:
         tree: The robot's tree.
-        rotation: R_parent_i (n, 3, 3).
-        position: Origins in the parent (n, 3) [m].
+        rotation, position: R_parent_i (n, 3, 3), and origins in the parent (n, 3) [m].
         gravity: Free-fall acceleration in base axes [m/s2].
         mass: Mass that each joint carries (n,) [kg], written.
         moment: Its first moment in frame i (n, 3) [kg m], written.
@@ -310,10 +300,8 @@ def newton_euler_recursion(
 
     Args:
         tree: The robot's tree.
-        rotation: R_parent_i (n, 3, 3).
-        position: Origins in the parent (n, 3) [m].
-        xd: Velocities of the tree's coordinates (n,).
-        xdd: Accelerations of the tree's coordinates (n,).
+        rotation, position: R_parent_i (n, 3, 3), and origins in the parent (n, 3) [m].
+        xd, xdd: Velocities and accelerations of the tree's coordinates (n,).
         omega: Angular velocities in each link's axes (n + 1, 3) [rad/s], written but for the last row.
         alpha: Angular accelerations, as `omega` [rad/s2].
         acceleration: Accelerations of the origins, as `omega` [m/s2].
@@ -361,8 +349,7 @@ def composite_body_recursion(
 
     Args:
         tree: The robot's tree.
-        rotation: R_parent_i (n, 3, 3).
-        position: Origins in the parent (n, 3) [m].
+        rotation, position: R_parent_i (n, 3, 3), and origins in the parent (n, 3) [m].
         mass: Mass that each joint carries (n,) [kg], written.
         moment: Its first moment (n, 3) [kg m], written.
         inertia: Its inertia about the frame's origin (n, 3, 3) [kg m2], written.

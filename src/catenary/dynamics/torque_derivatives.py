@@ -1,4 +1,4 @@
-"""How torques change with positions, velocities and accelerations: exact derivatives."""
+"""Exact derivatives of torques with respect to positions, velocities and accelerations."""
 
 from typing import NamedTuple
 
@@ -33,8 +33,7 @@ def torque_derivatives(
     Args:
         model: The robot; needs inertia.
         q: Positions (n,) or (N, n) [rad or m].
-        qd: Velocities, as `q`.
-        qdd: Accelerations, as `q`.
+        qd, qdd: Velocities and accelerations, as `q`.
         gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
 
     Examples:

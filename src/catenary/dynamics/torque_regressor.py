@@ -42,8 +42,7 @@ def torque_regressor(
     Args:
         model: The robot; needs no inertia.
         q: Positions (n,) or (N, n) [rad or m].
-        qd: Velocities, as `q`.
-        qdd: Accelerations, as `q`.
+        qd, qdd: Velocities and accelerations, as `q`.
         gravity: Free-fall acceleration in base axes, (3,) or (N, 3) [m/s2].
         base: Motion of the base; at rest when None.
 

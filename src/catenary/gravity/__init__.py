@@ -1,1 +1,1 @@
-"""What gravity asks of every joint."""
+"""Gravity torques of joints, payloads and their estimation."""

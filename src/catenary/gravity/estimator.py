@@ -39,7 +39,7 @@ _MAX_STEP_S = 0.1  # [s] a longer time between two updates is a pause, in which 
 
 
 class Observed(Protocol):
-    """What an estimator reads of a control loop's tick."""
+    """Inputs of an estimator from a control loop's tick."""
 
     @property
     def time(self) -> float: ...  # noqa: D102  [s]
@@ -57,7 +57,7 @@ class EstimatedGravity:
     """Parameters of a robot's gravity that are being estimated, and the torque that they give."""
 
     def __init__(self, model: RobotModel, s0: ArrayLike | None, form: Form = "compact") -> None:
-        """Take a robot, of which only the geometry is used, and parameters (p,) to start from, zero when None."""
+        """Start from parameters (p,), zero if None; only the robot's geometry is used."""
         if form not in get_args(Form):
             raise InputError(f'form "{form}": expected one of {", ".join(get_args(Form))}')
         self.regressor = compact = compact_regressor(model)
@@ -270,7 +270,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
 
     @property
     def load(self) -> LoadBeliefs | None:
-        """Which carrier's load has changed, as far as torques since then tell; None where none has been noticed."""
+        """Carrier whose load has changed, by the torques since then; None if no change was detected."""
         if self._unloaded is None:
             return None
         return self._hypotheses.beliefs(*self._last_pose, self._noise, _CHANGE_PER_S)

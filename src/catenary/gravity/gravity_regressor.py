@@ -22,7 +22,7 @@ CARRIED_MASS = 3  # in place of an axis 0, 1, 2
 
 
 class RegressorColumn(NamedTuple):
-    """What one column of a regressor stands for: a first moment on a link, or what a prismatic joint carries."""
+    """Meaning of a regressor's column: a first moment on a link, or the mass on a prismatic joint."""
 
     link: int  # index into the tree
     along: int  # axis of the link's frame along which the moment lies, or CARRIED_MASS

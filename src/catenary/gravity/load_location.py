@@ -1,4 +1,4 @@
-"""Which of several frames carries an unknown load: probabilities, as far as torques tell them apart.
+"""Localisation of an unknown load: the probability of each frame to carry it, from torques.
 
 A load of mass m and first moment m c on frame k changes the compact parameters by V_k (m, m c). With torques in
 standard deviations of their noise, y = Z (ds + V_k x) + noise, where ds is what is not known of the arm itself
@@ -46,7 +46,7 @@ class CarrierBelief(NamedTuple):
 
 
 class LoadBeliefs(NamedTuple):
-    """What torques tell of a load: probabilities of all carriers and of none add up to one."""
+    """Estimate of a load from torques; probabilities of all carriers and of none add up to one."""
 
     no_load: float  # probability that nothing changed
     carriers: tuple[CarrierBelief, ...]  # the likeliest first
@@ -144,8 +144,7 @@ def mixed(shares: Floats, means: Floats, covariances: Floats) -> tuple[Floats, F
 
     Args:
         shares: Shares of the components (N,), of sum one.
-        means: Their means (N, k).
-        covariances: Their covariances (N, k, k).
+        means, covariances: Of the components (N, k), (N, k, k).
 
     Returns:
         (k,) and (k, k).
@@ -175,8 +174,7 @@ def log_evidence(information: Floats, score: Floats) -> Floats:
     """Return the log Bayes factor log p(y | load) - log p(y | no load) of loads with a standard normal prior.
 
     Args:
-        information: Information matrices J (N, k, k).
-        score: Score vectors b (N, k).
+        information, score: Information matrices J (N, k, k), and score vectors b (N, k).
 
     Returns:
         (N,).
@@ -197,8 +195,7 @@ def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
     """Return the smallest set of hypotheses that holds 95 % of the probability, likeliest first.
 
     Args:
-        names: Hypotheses.
-        shares: Their probabilities, up to a factor.
+        names, shares: Hypotheses, and their probabilities up to a factor.
     """
     order = np.argsort([-share for share in shares], kind="stable")
     total, held, found = sum(shares), 0.0, []
@@ -218,12 +215,12 @@ def telling_joint(
     Args:
         regressor: Compact regressor of the robot.
         loads: One or two loads: a frame, with mass and first moment (4,) [kg, kg m].
-        q: Configuration (n,) from which one joint at a time moves within its limits [rad or m].
+        q: Configuration (n,) from whiche joint at a time moves within its limits [rad or m].
         gravity: Free-fall acceleration in base axes (3,) [m/s2].
         noise: Standard deviation of the torques (n,) [Nm|N].
 
     Returns:
-        Name of the joint, or None where the motion of no joint separates them.
+        Name of the joint, or None if the motion of no joint separates them.
     """
     model = regressor.model
     first, *others = (load_directions(regressor, frame) @ load for frame, load in loads)
@@ -245,7 +242,7 @@ def location_text(frames: Sequence[str], joint: str | None) -> str:
 
     Args:
         frames: One or more frames.
-        joint: Joint whose motion separates them; None where none does.
+        joint: Joint whose motion separates them; None if none does.
     """
     if len(frames) == 1:
         return f"on {frames[0]}"

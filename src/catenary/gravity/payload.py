@@ -1,4 +1,4 @@
-"""What a robot carries: as part of the robot, and as a change of its gravity parameters."""
+"""Payloads of a robot: as part of the robot, and as a change of its gravity parameters."""
 
 from typing import NamedTuple
 

@@ -82,7 +82,7 @@ def in_controller_base(name: str, base: RobotModel | str, gravity: ArrayLike) ->
 
 
 def vendor_command(name: str, gravity: ArrayLike) -> str:
-    """Return the command that sets gravity in a vendor's controller; empty where there is none.
+    """Return the command that sets gravity in a vendor's controller; empty if there is none.
 
     Args:
         name: Vendor.

@@ -31,9 +31,8 @@ def rotated_back(axis: Floats, angle: Angle, v: SymbolicVector) -> SymbolicVecto
     """Return a symbolic vector turned back about an axis, by Rodrigues' formula u u.v + c (v - u u.v) - s u x v.
 
     Args:
-        axis: Unit vector u (3,).
+        axis, v: Unit vector u (3,), and vector of symbolic components.
         angle: Factors of the joint angles, and a constant [rad].
-        v: Vector of symbolic components.
     """
     factors, offset = angle
     along = times(np.outer(axis, axis), v)

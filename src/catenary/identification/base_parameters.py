@@ -54,7 +54,7 @@ class BaseParameters:
 
     @property
     def count(self) -> int:
-        """How many parameters can be identified."""
+        """Number of identifiable parameters."""
         return len(self.columns)
 
     @property

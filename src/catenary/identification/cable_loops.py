@@ -1,4 +1,4 @@
-"""What reversals tell of a cable: friction on both its sides, stiffness, lost motion.
+"""Cable properties from reversals: friction on both sides, stiffness, lost motion.
 
 When a motor turns back, friction holds the joint until the cable has wound up the other way. While the encoder at the
 joint stands, gravity, run-out and errors of ratio stand too: all that the motor moves stretches the cable, and all that
@@ -41,7 +41,7 @@ _WINDUP_PARTS = (0.1, 0.9), (0.1, 0.5), (0.5, 0.9)  # of a wind-up
 
 
 class Interval(NamedTuple):
-    """An estimate with its 95 % interval from blocks of time; NaN where the data do not determine it."""
+    """An estimate with its 95 % interval from blocks of time; NaN if the data do not determine it."""
 
     value: float = np.nan
     low: float = np.nan
@@ -49,7 +49,7 @@ class Interval(NamedTuple):
 
 
 class CableLoop(NamedTuple):
-    """What a recording shows of one joint's cable, seen at the joint: rad and Nm, or m and N."""
+    """Cable properties of one joint from a recording, at the joint: rad and Nm, or m and N."""
 
     joint: str
     unit: str

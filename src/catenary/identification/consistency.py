@@ -130,7 +130,7 @@ def likeliest_prior(base: BaseParameters, R: Floats, variance: float) -> Floats 
     """Return rows of the masses of the robot's file for `consistent_fit`, by the error with which R is likeliest.
 
     That is by the evidence of a Gaussian regression whose rows have a variance [MacKay, Bayesian interpolation, Neural
-    Computation 4(3), 1992]. None where the file has no masses.
+    Computation 4(3), 1992]. None if the file has no masses.
     """
     scale = np.append(parameter_scale(base), np.linalg.norm(R[:, -1]))
     fit = np.column_stack([R[:, :-1] @ base.combination, R[:, -1]]) / np.sqrt(variance)

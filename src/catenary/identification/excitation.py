@@ -211,7 +211,7 @@ class MotionLimits:
 
 @dataclass(frozen=True)
 class CheckedMotion:
-    """What holds of a motion."""
+    """Properties of a designed motion."""
 
     fault: str | None  # the first limit that it does not keep, in words
     torque: Floats | None  # (n,) largest share of the torque limits; None where masses or limits are unknown
@@ -244,8 +244,7 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
 
     Args:
         limits: Robot, its limits and its free space.
-        count: Number of poses.
-        rng: Source of randomness.
+        count, rng: Number of poses, and source of randomness.
 
     Raises:
         InputError: Too few poses for the number of base parameters.
@@ -394,10 +393,8 @@ def fourier_motion(
     Args:
         limits: Robot, its limits and its free space.
         rng: Source of randomness.
-        period: Period [s].
-        harmonics: Number of harmonics, three or more.
-        rate: Rows per second [Hz].
-        trials: Number of trials.
+        period, rate: Period [s], and rows per second [Hz].
+        harmonics, trials: Number of harmonics, three or more, and of trials.
 
     Raises:
         InputError: A number out of range.

@@ -22,7 +22,7 @@ from catenary.identification.samples import FOLDS, Samples, fold_of_rows
 from catenary.robots.actuation import Actuation, ActuationTerm, Friction, actuation_terms
 from catenary.robots.friction_terms import FRICTION_TERMS
 
-_PART_PRICE = 3.0  # [nats] by which a column is less likely beforehand: one in twenty
+_PART_PRICE = 3.0  # [nats] negative log prior odds of a column: one in twenty
 _DISTINCT_SHARE = 0.05  # least part of a column that others do not give
 _BASE_RIDGE, _RIDGE = 1e-12, 1e-6  # beside squares of columns that are one
 _MAX_ROWS = 20_000  # that are looked at

@@ -1,4 +1,4 @@
-"""Identify a robot's dynamics from recordings of it."""
+"""Identification of a robot's dynamics (base parameters, friction, rotors) from recordings."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ from catenary.robots.model import RobotModel
 from catenary.tables import Column, OnScreen, Screen, Table, joint_columns
 
 _log = logging.getLogger(__name__)
-_TILTING_SHARE = 0.02  # of gravity: recordings in which its direction varies by less are of one base
-_STILL = 1e-3  # [rad, m] by which a joint moves that no recording shows
-ROTOR_SHARE = 0.4  # of a joint's torque, that a rotor asks for beforehand
-_HIDDEN_SHARE = 0.5  # of what was thought beforehand of a rotor: a larger deviation, and recordings do not show it
-_CONTRADICTED_RATIO = 1.5  # of a joint's residual with the wrench under the base to that without
-_LOAD_ROUNDS = 3  # of fitting friction that grows with the load, which the fit itself tells
+_TILTING_SHARE = 0.02  # RMS deviation of gravity's direction, above which the base counts as tilting
+_STILL = 1e-3  # [rad, m] range of motion below which a joint stands still
+ROTOR_SHARE = 0.4  # prior standard deviation of a rotor's torque, as a share of the joint's torque
+_HIDDEN_SHARE = 0.5  # share of its prior standard deviation above which a rotor's error means: not shown
+_CONTRADICTED_RATIO = 1.5  # ratio of a joint's residual with the wrench under the base to that without
+_LOAD_ROUNDS = 3  # iterations of the fit of load-dependent friction, whose load comes from the fit
 
 
 class Rotor(NamedTuple):
-    """A reflected inertia that was found, along one of the robot's combinations of coordinates."""
+    """An identified reflected inertia, along one of the robot's combinations of coordinates."""
 
     name: str
-    inertia: float | None  # [kg m2 or kg]; None where only torques were fitted, and these show it with others
-    error: float | None  # standard; None where torques show it only together with a link's inertia, or it is known
+    inertia: float | None  # [kg m2 or kg]; None if not `consistent` and identifiable only with other parameters
+    error: float | None  # standard; None if identifiable only together with a link's inertia, or known beforehand
 
 
 @dataclass(frozen=True)
 class CarriedBody:
-    """A body on a frame of a robot, that is part of its masses."""
+    """A body that is carried on a frame of a robot and is part of the robot's masses."""
 
     __pydantic_config__ = IN_FILES
 
@@ -64,13 +64,13 @@ class CarriedBody:
     inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6  # xx, xy, xz, yy, yz, zz about that [kg m2]
 
     def on(self, model: RobotModel) -> RobotModel:
-        """Return the robot that carries it; see `RobotModel.with_payload`."""
+        """Return the robot with this body; see `RobotModel.with_payload`."""
         return model.with_payload(self.frame, self.mass, self.position, inertia=self.inertia)
 
 
 @dataclass(frozen=True, repr=False)
 class Identification(OnScreen):
-    """Base parameters of one robot, how sure they are, and how well they predict."""
+    """Base parameters of one robot, with their covariance and their residuals on recordings."""
 
     base: BaseParameters
     beta: Floats  # (b,) SI
@@ -78,20 +78,20 @@ class Identification(OnScreen):
     options: IdentifyOptions
     weights: Floats  # (n,) of the axes
     rank: int  # of the recordings' regressor
-    condition: float  # of it, weighted, columns scaled to length one
+    condition: float  # of the weighted regressor, columns scaled to length one
     training: tuple[residuals.LogResidual, ...]
     tests: tuple[residuals.LogResidual, ...] = ()
-    phi: Floats | None = None  # (k,) all parameters, where the fit was physically consistent
-    friction: tuple[FrictionPart, ...] = ()  # what held-out blocks added to the robot file's friction
-    seen: residuals.MovedRange | None = None  # how the recordings moved that were fitted
-    moved_base: bool = False  # gravity turned in the recordings, so that none of its directions is special
-    prior: bool = False  # masses were drawn to those of the robot's file
-    unshown: tuple[str, ...] = ()  # rotors, or a recording's friction, that the motion does not tell from the rest
-    bodies: tuple[CarriedBody, ...] = ()  # that the robot carried, and the masses of `model` hold
+    phi: Floats | None = None  # (k,) all parameters, if the fit was physically consistent
+    friction: tuple[FrictionPart, ...] = ()  # parts added to the robot file's friction by held-out blocks
+    seen: residuals.MovedRange | None = None  # range of motion of the training recordings
+    moved_base: bool = False  # gravity's direction varied in the recordings
+    prior: bool = False  # the masses of the robot's file were the prior
+    unshown: tuple[str, ...] = ()  # rotors, or a recording's friction, that the motion does not distinguish
+    bodies: tuple[CarriedBody, ...] = ()  # carried bodies, included in the masses of `model`
 
     @property
     def residual_table(self) -> Table:
-        """The relative residual per recording and axis, with the verdict."""
+        """Relative residual per recording and axis, with the verdict."""
         names = [(name, "") for name in self.model.joint_names]
         per_axis = joint_columns(names, lambda r, j: r.relative_rms[j], ".3f")
         columns: list[Column] = [("recording", "log"), "rows", *per_axis, ("verdict", lambda r: r.verdict or "fitted")]
@@ -114,17 +114,17 @@ class Identification(OnScreen):
 
     @property
     def model(self) -> RobotModel:
-        """The robot as it was given."""
+        """The robot model that was identified, before identification."""
         return self.base.parameters.model
 
     @property
     def gravity(self) -> Floats:
-        """Gravity (3,) in base axes [m/s2] of recordings that hold none."""
+        """Gravity (3,) in base axes [m/s2] for recordings without recorded gravity."""
         return np.array(self.options.gravity)
 
     @property
     def usual(self) -> Floats:
-        """RMS (n,) that is left of the recordings that were fitted [Nm or N]."""
+        """RMS residual (n,) of the training recordings [Nm or N]."""
         return np.asarray(np.mean([residual.rms for residual in self.training], axis=0))
 
     @property
@@ -134,7 +134,7 @@ class Identification(OnScreen):
 
     @property
     def rotors(self) -> tuple[Rotor, ...]:
-        """The rotors that were identified, or stated."""
+        """Identified or stated rotors."""
         if self.options.rotors is not None:
             stated = zip(self.model.joint_names, self.options.rotors, strict=True)
             return tuple(Rotor(name, value, None) for name, value in stated)
@@ -154,9 +154,10 @@ class Identification(OnScreen):
     def predict(
         self, q: ArrayLike, qd: ArrayLike | None = None, qdd: ArrayLike | None = None, gravity: ArrayLike | None = None
     ) -> Floats:
-        """Predict the torques (n,) or (N, n) [Nm or N] of a motion: Y_b beta + known, friction as in steady sliding.
+        """Predict the torques (n,) or (N, n) [Nm or N] of a motion: Y_b beta + known, with friction of steady sliding.
 
-        Rates of the shape of q [rad or m] are zero when None; gravity (3,) [m/s2] in base axes is the recordings' then.
+        q [rad or m], qd and qdd have one shape; None means zero rates, and for gravity (3,) [m/s2] in base axes
+        the one used in identification.
         """
         motion, single = motion_rows(self.model, q, qd=qd, qdd=qdd)
         if self.options.terms == "static" and any(rates.any() for rates in motion[1:]):
@@ -170,13 +171,13 @@ class Identification(OnScreen):
         return tau[0] if single else tau
 
     def with_gains(self, gains: Floats) -> Identification:
-        """Return the identification for a robot whose raw efforts times these gains (n,) are its torques."""
+        """Return the identification for a robot whose torques are its raw efforts times these gains (n,)."""
         base, model = self.base, self.model
         model = replace(model, actuation=replace(actuation_of(model), effort_scale=gains))
         return replace(self, base=replace(base, parameters=replace(base.parameters, model=model)))
 
     def test(self, samples: Sequence[Samples]) -> Identification:
-        """Return this identification with verdicts on recordings that were not fitted."""
+        """Return the identification with verdicts on test recordings."""
         worst = np.max([r.relative_rms for r in self.training], axis=0)
         predicted = [(part, self.predict_samples(part)) for part in samples]
         tests = (residuals.residual_verdict(self.model, *test, worst, self.seen) for test in predicted)
@@ -187,22 +188,22 @@ class Identification(OnScreen):
         return residuals.residual(samples, self.predict_samples(samples))
 
     def predict_samples(self, samples: Samples) -> Floats:
-        """Predict torques (N, n) of a recording without those known beforehand, as friction remembers its history."""
+        """Predict torques (N, n) of a recording, less known torques, with friction that depends on its history."""
         heard = carrying(self.base, self.beta, [samples])[0]
         return np.concatenate([Y @ self.beta for _, Y in self.base.chunks(heard)])
 
     def base_notes(self, samples: Sequence[Samples]) -> list[str]:
-        """Return notes on recordings whose base moved, and that do not hold how; see `moving_base_notes`."""
+        """Return notes on recordings whose base moved without its motion being recorded; see `moving_base_notes`."""
         if self.phi is None or self.options.terms == "static":
             return []
         left = [part.tau - self.predict_samples(part) for part in samples]
         return moving_base_notes(self.model, link_parameters(self.robot().tree), samples, left)
 
     def robot(self) -> RobotModel:
-        """Return the robot with the identified inertia, friction, rotors and springs, and what it carried.
+        """Return the robot with the identified inertia, friction, rotors, springs and carried bodies.
 
-        `without_payload` of it is the arm alone, where recordings show, or the caller declares, a body that it carried.
-        Poses at rest give masses and their centres alone: such a robot has torques of gravity, and none of motion.
+        Its `without_payload` is the arm without carried bodies, if recordings show one or the caller declared one.
+        Poses at rest give only masses and their centres: such a robot has gravity torques but no dynamics.
         """
         parameters, consistent = self.base.parameters, self.phi
         if consistent is None:
@@ -212,18 +213,18 @@ class Identification(OnScreen):
         phi = np.zeros((len(self.model.link_names), PER_LINK))
         for place, link in enumerate(parameters.links):
             phi[link, : parameters.per_link] = consistent[parameters.link_columns(place)]
-            if static:  # about the centre of mass it is unknown: none, which motion refuses
+            if static:  # the tensor about the centre of mass is unknown: zero, and refused for motion
                 mass, moment = phi[link, 0], phi[link, 1:4]
                 point = moment @ moment * np.eye(3) - np.outer(moment, moment)
                 phi[link, 4:] = (point / mass)[np.triu_indices(3)]
-        of_all = [not term.recording for term in parameters.actuation]  # and of the last recording, alone
+        of_all = [not term.recording for term in parameters.actuation]  # not terms of a single recording
         values = consistent[len(parameters.links) * parameters.per_link :][of_all]
         actuation = actuation_of(self.model)
         actuation = replace(actuation, friction=tuple(f for f in actuation.friction if not f.recording))
         if static:
             still = (f.only(lambda term: term.at_rest) for f in actuation.friction)
             actuation = replace(actuation, friction=tuple(f for f in still if f.parts), motor_inertia=())
-        elif self.options.rotors is not None:  # behind friction, before springs, as `actuation_terms` has them
+        elif self.options.rotors is not None:  # after friction and before springs, as in `actuation_terms`
             rows = zip(self.model.joint_names, np.eye(self.model.n), strict=True)
             values = np.insert(values, len(values) - len(actuation.springs), self.options.rotors)
             actuation = replace(actuation, motor_inertia=tuple(MotorInertia(name, row) for name, row in rows))
@@ -240,7 +241,7 @@ class Identification(OnScreen):
         return self._carrying(robot, phi.reshape(-1))
 
     def _carrying(self, robot: RobotModel, phi: Floats) -> RobotModel:
-        """Return a robot of these parameters with its bodies apart from its links, where links have as much mass."""
+        """Return a robot of these parameters, with `without_payload` set if the links have the bodies' mass."""
         loaded = robot
         for body in self.bodies:
             loaded = body.on(loaded)
@@ -260,18 +261,18 @@ def identify(
 ) -> Identification:
     """Identify base parameters by weighted least squares over all axes and recordings.
 
-    min_beta sum_a w_a^2 ||tau_a - Y_b,a beta||^2 on filtered signals, over parameters that bodies and friction can
-    have (unless not `consistent`), drawn to those of the robot's file where it has any. Parts are added to its friction
-    while held-out blocks of the recordings are predicted better. The robot needs no inertia.
+    min_beta sum_a w_a^2 ||tau_a - Y_b,a beta||^2 on filtered signals, over physically consistent parameters (with
+    option `consistent`), with the parameters of the robot's file, if any, as the prior. Friction terms are added while
+    they improve the prediction of held-out blocks of the recordings. The robot needs no inertia.
 
     Args:
         logs: Recordings to fit.
-        model: The robot; its actuation says which friction, rotors and springs are identified with the links.
-        options: What to choose otherwise than the robot's file.
-        tests: Recordings to judge the result by.
+        model: The robot; its actuation defines which friction, rotors and springs are identified with the links.
+        options: Options that replace those of the robot's file.
+        tests: Recordings to test the result on.
 
     Raises:
-        InputError: A recording is not of this robot, in other units, or too short.
+        InputError: A recording is of another robot, in other units, or too short.
         ExcitationError: The recordings do not show all base parameters; nothing is fitted.
 
     Examples:
@@ -297,16 +298,14 @@ def identify(
 def identify_logs(
     logs: Sequence[MotionLog], samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions
 ) -> Identification:
-    """Identify from recordings and their filtered samples, with the wrench under the base where they hold it.
+    """Identify from recordings, with the wrench under the base if it was recorded.
 
     Args:
-        logs: Recordings.
-        samples: What `prepared` made of them.
-        model: The robot.
-        options: Options of the identification.
+        logs, samples: Recordings, and their samples by `prepared`.
+        model, options: See `identify`.
 
     Raises:
-        InputError: A wrench by which the joints' torques are predicted worse than without it.
+        InputError: The joints' torques are predicted worse with the wrench than without it.
     """
     on_base = with_base_wrench(model, logs)
     if on_base is model:
@@ -326,7 +325,7 @@ def identify_logs(
 
 
 def _of_arm(found: Identification, model: RobotModel, samples: Sequence[Samples]) -> Identification:
-    """Convert an identification on base joints to the arm's own parameters, which are some of these."""
+    """Convert an identification with base joints to the arm's own parameters, a subset."""
     full, first = found.base.parameters, len(BASE_JOINTS)
     own = np.eye(full.model.n)[:, first:]
     actuation = driven_actuation(model.name, actuation_of(full.model), own, np.zeros(full.model.n))
@@ -357,14 +356,12 @@ def prepared(
     *,
     within_limits: bool = True,
 ) -> tuple[list[Samples], list[Samples]]:
-    """Return the samples to fit and the samples to test, held-out blocks among the latter; see `prepare`.
+    """Return the samples to fit, and those to test, which include held-out blocks; see `prepare`.
 
     Args:
-        logs: Recordings to fit.
-        tests: Recordings to test.
-        model: The robot.
-        options: Options of the identification; its `blocks` are held out.
-        within_limits: Whether positions beyond the robot's limits are refused.
+        logs, tests: Recordings to fit, and to test on.
+        model, options: See `identify`; with `options.blocks`, alternate blocks are held out.
+        within_limits: Refuse positions beyond the robot's limits.
     """
     fitted, tested = (
         [prepare(log, model, options, within_limits=within_limits) for log in part] for part in (logs, tests)
@@ -376,12 +373,11 @@ def prepared(
 
 
 def identify_samples(samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions) -> Identification:
-    """Identify from filtered samples; see `identify`.
+    """Identify from filtered samples.
 
     Args:
         samples: Filtered rows of each recording.
-        model: The robot.
-        options: Options of the identification.
+        model, options: See `identify`.
     """
     with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other
         return _identified(samples, model, options)
@@ -393,10 +389,8 @@ def gains_of(
     """Identify drive gains [Nm/A] from currents of an arm without and with a load of known mass.
 
     Args:
-        free: Filtered rows of recordings without the load, torques in A.
-        loaded: Filtered rows of recordings with it.
-        model: The robot.
-        options: Options of the identification.
+        free, loaded: Filtered rows of recordings without and with the load, torques in A.
+        model, options: See `identify`.
         load: Mass of the load [kg].
 
     Raises:
@@ -411,7 +405,7 @@ def gains_of(
 
 
 def _geared(model: RobotModel, actuation: Actuation, options: IdentifyOptions) -> RobotModel:
-    """Return a robot with an actuation, the rotors that are identified, and no friction that grows with the load."""
+    """Return a robot with an actuation and the rotors to identify, without load-dependent friction."""
     beside = rotors_beside(model) if options.find_rotors and options.rotors is None else ()
     steady = tuple(friction.only(lambda term: not term.grows_with_load) for friction in actuation.friction)
     rotors = (*actuation.motor_inertia, *beside)
@@ -419,7 +413,7 @@ def _geared(model: RobotModel, actuation: Actuation, options: IdentifyOptions) -
 
 
 def _identified(samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions) -> Identification:
-    known_rotors(model, options)  # refuses another number than there are joints
+    known_rotors(model, options)  # refuses a number of rotors other than that of joints
     actuation, parts = replace(actuation_of(model), values=None), tuple[FrictionPart, ...]()
     if options.rotors is not None:
         actuation = replace(actuation, motor_inertia=())
@@ -436,7 +430,7 @@ def _identified(samples: Sequence[Samples], model: RobotModel, options: Identify
 def _fit(
     samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions, like: Identification | None = None
 ) -> Identification:
-    """Fit with friction as the model has it, and axes weighted as in another fit, if there is one."""
+    """Fit with the model's friction, and with the axis weights of another fit, if given."""
     q, qd, qdd = _motion(samples)
     rng, parameters = np.random.default_rng(options.seed), Parameters(model, options.terms)
     on_base, moved_base = _base_of(samples)
@@ -444,7 +438,7 @@ def _fit(
     loaded = like is not None and any(term.grows_with_load for term in base.parameters.actuation)
     weights = None if like is None else like.weights
     known = {} if like is None else dict(zip(like.base.names, like.beta, strict=True))
-    beta = np.array([known.get(name, 0.0) for name in base.names])  # of other friction: 0
+    beta = np.array([known.get(name, 0.0) for name in base.names])  # 0 for parameters that the other fit lacks
     for _ in range(_LOAD_ROUNDS if loaded else 1):
         if loaded:
             samples = carrying(base, beta, samples)
@@ -459,7 +453,7 @@ def _fit(
             still = [name for name, span in zip(model.joint_names, np.ptp(q, axis=0), strict=True) if span < _STILL]
             raise ExcitationError(_singular(base, rank, condition, weakest, still), rank=rank, n_base=base.count)
         beta = solve(R)
-    assert weights is not None  # for the type checker: there is one round at least
+    assert weights is not None  # for the type checker: there is at least one round
     phi, drawn = None, None
     if options.consistent:
         if options.prior:
@@ -480,7 +474,7 @@ def _fit(
 
 
 def _rotors_beforehand(base: BaseParameters, samples: Sequence[Samples]) -> dict[int, tuple[int, float]]:
-    """Return the base parameters that are rotors: each one's axis, and its standard deviation beforehand about zero."""
+    """Return the axis and the prior standard deviation about zero of each base parameter that is a rotor."""
     tau, qdd = (np.concatenate([getattr(part, key) for part in samples]) for key in ("tau", "qdd"))
     found, first = {}, len(base.parameters.links) * base.parameters.per_link
     for k, column in enumerate(base.columns):
@@ -493,14 +487,14 @@ def _rotors_beforehand(base: BaseParameters, samples: Sequence[Samples]) -> dict
 
 
 def carrying(base: BaseParameters, beta: Floats, samples: Sequence[Samples]) -> list[Samples]:
-    """Return recordings with what the links, rotors and springs ask in them, which friction may grow with."""
+    """Return recordings with the torques of links, rotors and springs, on which friction may depend."""
     kept = np.isin(base.columns, base.parameters.carrying)
     asked = (np.concatenate([Y[:, :, kept] @ beta[kept] for _, Y in base.chunks(part)]) for part in samples)
     return [replace(part, carried=part.known + each) for part, each in zip(samples, asked, strict=True)]
 
 
 def _base_of(samples: Sequence[Samples]) -> tuple[Floats | None, bool]:
-    """Return recorded gravity and rates of the base (N, 3, 3), if any, and whether gravity turns in its axes."""
+    """Return recorded gravity and rates of the base (N, 3, 3), if any, and whether the base tilts."""
     if not any(part.holds_gravity for part in samples):
         return None, False
     parts = []

@@ -78,9 +78,7 @@ def save_identification(result: Identification, card: Card, path: Path) -> None:
     """Write an identification, and a readable copy of its card beside it.
 
     Args:
-        result: The identification.
-        card: Its card.
-        path: Archive (.npz).
+        result, card, path: The identification, its card, and the archive (.npz).
 
     Raises:
         OSError: The folder is not writable, or the disk is full.

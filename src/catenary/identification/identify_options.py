@@ -1,4 +1,4 @@
-"""What can be chosen when a robot is identified, and what its file chooses otherwise."""
+"""Options of an identification, with defaults from the robot's file."""
 
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, get_args
@@ -72,7 +72,7 @@ def known_rotors(model: RobotModel, options: IdentifyOptions) -> Floats:
 
 
 def rotors_beside(model: RobotModel) -> tuple[MotorInertia, ...]:
-    """Return a rotor for every joint without one; none where the robot's table does not ask for them."""
+    """Return a rotor for every joint without one; none if the robot's table does not ask for them."""
     if not actuation_of(model).find_rotors:
         return ()
     own, rows = actuation_of(model).motor_inertia, np.eye(model.n)
@@ -87,8 +87,7 @@ def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:
     """Return the signal filter of an identification: of the options, else of the robot's file.
 
     Args:
-        model: The robot.
-        options: Options of the identification.
+        model, options: The robot, and options of the identification.
     """
     used = actuation_of(model).filter
     return used if options.cutoff_hz is None else replace(used, cutoff_hz=options.cutoff_hz)

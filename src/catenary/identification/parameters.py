@@ -34,7 +34,7 @@ class Parameters:
 
     @cached_property
     def per_link(self) -> int:
-        """How many of the ten parameters of a link are among them."""
+        """Number of parameters per link, at most ten."""
         return FIRST_MOMENTS if self.terms == "static" else PER_LINK
 
     @cached_property
@@ -46,7 +46,7 @@ class Parameters:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """What each is called, in the order of the regressor's columns."""
+        """Names of the parameters, in the order of the regressor's columns."""
         bodies = [f"{PARAMETER_NAMES[p]} {self.model.link_names[i]}" for i in self.links for p in range(self.per_link)]
         return (*bodies, *(f"{term.kind} {term.name}" for term in self.actuation))
 

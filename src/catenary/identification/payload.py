@@ -25,7 +25,7 @@ from catenary.identification.identify_options import actuation_of
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 
-_SURE = 0.997  # probability of a load from which on one is named
+_SURE = 0.997  # probability of a load from which one is named
 _TOLD_DEVIATION = 0.3  # of a mass: a larger standard deviation, and the recordings do not tell it
 _HIDDEN_SHARE = 0.7  # of what was thought beforehand of a moment: a larger deviation, and recordings do not show it
 _RIVAL_MARGIN = 5.0  # [nats] within which something else explains torques as well as a load, and more than nothing
@@ -33,12 +33,12 @@ _RIVAL_MARGIN = 5.0  # [nats] within which something else explains torques as we
 
 @dataclass(frozen=True)
 class PayloadEstimate:
-    """A body on a link; `mass` or `moment` is None where the recordings cannot tell it."""
+    """A body on a link; `mass` or `moment` is None if the recordings cannot tell it."""
 
     link: str
     mass: float | None  # [kg]
     mass_std: float | None
-    moment: Floats | None  # (3,) mass times position [kg m], in the link's frame; NaN where it does not show
+    moment: Floats | None  # (3,) mass times position [kg m], in the link's frame; NaN if it does not show
     moment_std: Floats | None
     detected: bool
     confidence: float  # that there is a load, 0 to 1
@@ -58,8 +58,7 @@ def estimate_payload(result: Identification, loaded: Sequence[Samples], **how: A
     """Return the likeliest payload of `payload_candidates`.
 
     Args:
-        result: Identification of the arm without a load.
-        loaded: Filtered rows of recordings with the load.
+        result, loaded: Identification of the arm without a load, and filtered rows of recordings with it.
         **how: Further arguments of `payload_candidates`.
 
     Examples:

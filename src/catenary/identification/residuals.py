@@ -53,8 +53,7 @@ def residual_verdict(
     "drifted": otherwise.
 
     Args:
-        model: The robot.
-        samples: Filtered rows of the recording.
+        model, samples: The robot, and filtered rows of the recording.
         predicted: Predicted torques (N, n) [Nm or N].
         training: Largest relative RMS of each axis in training (n,).
         seen: Range that each joint moved over in training; unknown when None.
@@ -85,7 +84,7 @@ _OUTSIDE_SHARE = 0.5  # of the squared residual on rows outside it
 
 @dataclass(frozen=True, eq=False)
 class MovedRange:
-    """How recordings moved, per joint (n,): between which positions, and how fast (RMS)."""
+    """Range of positions and RMS speed of recordings, per joint (n,)."""
 
     __pydantic_config__ = IN_FILES
 

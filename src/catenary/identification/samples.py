@@ -1,15 +1,15 @@
-"""From a recording to filtered positions, velocities, accelerations and torques, checked to be of the robot.
+"""Samples for identification: a recording's filtered positions, velocities, accelerations and torques, checked.
 
-Gravity and the base's turning are signals of a recording, row by row. `gravity:x`, `:y`, `:z` [m/s2] is free fall less
-the acceleration of the base's origin, in base axes, as an accelerometer there reads it, negated; that of one elsewhere
-(`IdentifyOptions.base_sensor`) is brought there by the base's turning. `base_rate:x` ...
-[rad/s] is the base's angular velocity, `base_acceleration:x` ... [rad/s2] its derivative; where that is missing it is
-computed from the rate. `base_force:x` ... [N] and `base_moment:x` ... [Nm], about the base's origin, are what a sensor
-under the base measures that holds it: six more axes of the robot (`robots/base_joints.py`).
+Signals of a recording may describe the base, row by row, in base axes. `gravity:x`, `:y`, `:z` [m/s2] is the free-fall
+acceleration less the acceleration of the base's origin: the negated reading of an accelerometer there. A reading from
+elsewhere (`IdentifyOptions.base_sensor`) is converted with the base's rotation. `base_rate:x` ... [rad/s] is the base's
+angular velocity, `base_acceleration:x` ... [rad/s2] its derivative, computed from the rate if missing. `base_force:x`
+... [N] and `base_moment:x` ... [Nm], about the base's origin, are the wrench on the base as a sensor under it measures:
+six more axes of the robot (`robots/base_joints.py`).
 
-Friction needs more of a recorded motion than the row at hand. Torques are filtered, so a step of Coulomb friction that
-they hold is rounded: the column it is fitted with passes the same filter. Presliding friction depends on the path since
-the last reversals. Both are computed over the whole recording before rows are left out.
+Friction depends on more than one row. The filter of torques rounds the steps of Coulomb friction, so its column passes
+the same filter. Presliding friction depends on the path since the last reversals. Both are computed over the whole
+recording before rows are left out.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,15 +39,15 @@ from catenary.verdict.units_and_scale import MAX_POSITIONS, limits_of
 
 @dataclass(frozen=True, eq=False)
 class FrictionHistory:
-    """A recording's filtered positions and velocities, of which some rows were kept."""
+    """A recording's filtered positions and velocities, and the rows kept of them."""
 
-    # q, qd (M, n) of every stretch in which time goes on, and how many rows are left out at either end
+    # q, qd (M, n) of every stretch without a gap in time, and the number of rows cut at each end
     segments: tuple[tuple[Floats, Floats, int], ...]
-    sections: Floats  # of the filter, second-order
-    kept: NDArray[np.int64]  # rows that are left, counted after the cut
+    sections: Floats  # second-order sections of the filter
+    kept: NDArray[np.int64]  # rows kept, counted after the cut
 
     def load(self, friction: FrictionTerm, c: Floats, scale: float, coulomb_velocity: float) -> Floats:
-        """Return a term's load (N,) along c (n,) on the rows kept, per unit, and per Nm or N that it grows with."""
+        """Return a term's load (N,) along c (n,) on the rows kept, per unit of its parameter and of load."""
         parts = []
         for q, qd, cut in self.segments:
             if friction.memory is not None:
@@ -59,7 +59,7 @@ class FrictionHistory:
 
 
 def path_load(memory: Callable[[Floats, float, Floats], None], s: Floats, scale: float) -> Floats:
-    """Return the load (N,) of friction that remembers its path s (N,), from rest."""
+    """Return the load (N,) of friction that depends on the history of its path s (N,), from rest."""
     out = np.empty(len(s))
     _compiled_memory(memory)(np.ascontiguousarray(s), scale, out)
     return out
@@ -69,14 +69,14 @@ _compiled_memory = cache(compiled)
 
 
 _MIN_RATE_CORRELATION = 0.5  # least correlation of a velocity with the derivative of its position
-_MOVING_RMS = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity may be noise alone
-_RATE_SLOPES = (0.6, 1.6)  # of a velocity on that derivative; filtered velocities of real arms reach 0.8
-# correlation, spread and distance from 1 of slopes that stamps make; real 0.012
+_MOVING_RMS = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity may be only noise
+_RATE_SLOPES = (0.6, 1.6)  # slopes of a velocity on that derivative; filtered velocities of real arms reach 0.8
+# correlation, spread and distance from 1 of slopes that wrong stamps cause; 0.012 on real recordings
 _CLOSE_CORRELATION, _ALIKE_SPREAD, _OTHER_DISTANCE = 0.99, 0.02, 0.03
 
 
 def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
-    """Return a recording with its joints in the robot's order, refused where it has no torques."""
+    """Return a recording with its joints in the robot's order; refuse one without torques."""
     log = of_model(log, model)
     if log.tau is None:
         raise InputError(f'recording "{log.name}": has no torques (`tau`), which dynamics are identified from')
@@ -84,7 +84,7 @@ def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
 
 
 def of_model(log: MotionLog, model: RobotModel) -> MotionLog:
-    """Return a recording with its joints in a robot's order; on base joints with the wrench that it holds."""
+    """Return a recording with its joints in a robot's order; for base joints, with the recorded wrench."""
     if BASE_JOINTS[0] not in model.joint_names or BASE_JOINTS[0] in log.joint_names:
         return log.of_robot(model, model.name)
     own = Joints(model.joint_names[len(BASE_JOINTS) :], model.joint_units[len(BASE_JOINTS) :])
@@ -99,7 +99,7 @@ def of_model(log: MotionLog, model: RobotModel) -> MotionLog:
 
 
 def with_base_wrench(model: RobotModel, logs: Sequence[MotionLog]) -> RobotModel:
-    """Return a robot on base joints where a recording holds the wrench under its base."""
+    """Return the robot, on base joints if a recording has the wrench under its base."""
     held = any(f"{name}:x" in log.signals for log in logs for name in ("base_force", "base_moment"))
     return on_base_joints(model) if held else model
 
@@ -108,11 +108,7 @@ def check_positions(log: MotionLog, model: RobotModel) -> None:
     """Refuse a recording whose positions are beyond the robot's limits.
 
     Args:
-        log: The recording.
-        model: The robot.
-
-    Raises:
-        InputError: Names the joint, its range and its limits.
+        log, model: Recording, and robot.
     """
     where, log = f'recording "{log.name}"', of_model(log, model)
     low, high = limits_of(log, model, MAX_POSITIONS)
@@ -127,7 +123,7 @@ def check_positions(log: MotionLog, model: RobotModel) -> None:
 
 
 def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -> tuple[str, ...]:
-    """Refuse velocities that are not the derivative of the positions, (N, n) each; note one factor of all."""
+    """Refuse velocities that are not the derivative of the positions, (N, n) each; note a factor common to all."""
     own = derivative - derivative.mean(axis=0)
     given = qd - qd.mean(axis=0)
     size, given_size = np.linalg.norm(own, axis=0), np.linalg.norm(given, axis=0)
@@ -161,11 +157,11 @@ def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -
 
 
 _BASE_UNITS = {"gravity": "m/s2", "base_rate": "rad/s", "base_acceleration": "rad/s2"}
-_MIN_GRAVITY, _MAX_GRAVITY = 1.0, 30.0  # [m/s2] that gravity on a base can be; beyond it is in another unit
+_MIN_GRAVITY, _MAX_GRAVITY = 1.0, 30.0  # [m/s2] plausible gravity; beyond, it is in another unit
 
 
 def base_of(log: MotionLog) -> dict[str, Floats]:
-    """Return gravity, angular velocity and angular acceleration of the base, (N, 3) each, those that a log has."""
+    """Return gravity, angular velocity and angular acceleration of the base, (N, 3) each, if a log has them."""
     found = {name: values for name in _BASE_UNITS if (values := _vector(log, name)) is not None}
     for name, needed in (("base_rate", "gravity"), ("base_acceleration", "base_rate")):
         if name in found and needed not in found:
@@ -195,40 +191,40 @@ def _vector(log: MotionLog, name: str) -> Floats | None:
 
 
 _ALL_ROWS = slice(None)
-_KEPT_COLUMNS_BYTES = 2e8  # of a recording's regressor, which a fit needs a dozen times; that of more is not kept
-HELD_OUT = " (held-out blocks)"  # behind the name of a recording, of which these rows are
-_IRREGULAR_SPREAD = 0.01  # relative spread of time steps beyond which a recording is brought to even steps
-_BRIDGED_PERIODS = 1.0  # periods of the cut-off, over which a line is 5 % off for a motion of a tenth of its frequency
-_MIN_ROWS_LEFT = 30  # rows that a stretch of time must have beside those cut
-_NOTED_ROWS_RATIO = 1.1  # even rows for each one recorded, from which on a note says so
+_KEPT_COLUMNS_BYTES = 2e8  # largest cached regressor of a recording, which a fit needs a dozen times
+HELD_OUT = " (held-out blocks)"  # suffix of a recording's name for its held-out blocks
+_IRREGULAR_SPREAD = 0.01  # relative spread of time steps above which a recording is resampled at even steps
+_BRIDGED_PERIODS = 1.0  # gap in periods of the cut-off; interpolation is 5 % off at a tenth of that frequency
+_MIN_ROWS_LEFT = 30  # least rows of a stretch after the cut
+_NOTED_ROWS_RATIO = 1.1  # resampled rows per recorded row above which a note is given
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Rows of one recording, (N, n) in rad, m, s, Nm, N; `tau` is less what is known beforehand."""
+    """Filtered rows of one recording, (N, n) in rad, m, s, Nm, N; `tau` excludes known torques."""
 
     name: str
     q: Floats
     qd: Floats
     qdd: Floats
     tau: Floats
-    known: Floats  # (N, n) what was subtracted from the measured torque
-    time: Floats  # (N,) [s]; row numbers of a recording at rest
-    independent: float  # share of the rows that count as independent: a filter ties neighbours together
+    known: Floats  # (N, n) known torques, subtracted from the measured ones
+    time: Floats  # (N,) [s]; row numbers for a recording at rest
+    independent: float  # share of the rows that count as independent, as the filter correlates neighbours
     gravity: Floats = field(default_factory=LEVEL.copy)  # [m/s2] in base axes: (N, 3) as recorded, or (3,) as stated
     base: Floats | None = None  # (N, 2, 3) angular velocity and acceleration of the base [rad/s, rad/s2], likewise
-    history: FrictionHistory | None = None  # of the motion that friction remembers; none at rest
-    carried: Floats | None = None  # (N, n) what the links ask, that load-dependent friction grows with
-    notes: tuple[str, ...] = ()  # on gaps in time, and rows that were left out or made
+    history: FrictionHistory | None = None  # of the motion, for friction with memory; none at rest
+    carried: Floats | None = None  # (N, n) torques of the links, on which load-dependent friction depends
+    notes: tuple[str, ...] = ()  # on gaps in time, and on rows left out or resampled
     has_rates: bool = True  # velocities were recorded
-    # of what, and (N, n, 10 L) of its links, once computed; shared by copies of the same rows
+    # cache: a key, and the links' regressor (N, n, 10 L); shared by copies of the same rows
     kept: list[tuple[tuple[Any, ...], Floats]] = field(default_factory=list, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.q)
 
     def rows(self, which: NDArray[np.bool_], name: str) -> "Samples":
-        """Return some of the rows under another name."""
+        """Return a subset of the rows under another name."""
         keys = ("q", "qd", "qdd", "tau", "known", "time", *["gravity"] * self.holds_gravity, "base", "carried")
         chosen: dict[str, Any] = {key: values[which] for key in keys if (values := getattr(self, key)) is not None}
         if self.history is not None:
@@ -243,13 +239,13 @@ class Samples:
         return self.gravity.ndim == 2
 
     def motion(self, part: slice = _ALL_ROWS) -> tuple[Floats, Floats, Floats, Floats, BaseMotion | None]:
-        """Return q, qd, qdd and gravity of some rows, and how the base turned; None where that is not known."""
+        """Return q, qd, qdd, gravity and the base's rotation of some rows; None if that was not recorded."""
         down = self.gravity[part] if self.holds_gravity else self.gravity
         base = None if self.base is None else BaseMotion(self.base[part, 0], self.base[part, 1])
         return self.q[part], self.qd[part], self.qdd[part], down, base
 
     def link_columns(self, model: RobotModel, part: slice = _ALL_ROWS) -> Floats:
-        """Return the regressor of all links (N, n, 10 L); that of a short recording is cached."""
+        """Return the regressor of all links (N, n, 10 L), cached for a short recording."""
         bytes_needed = 8.0 * self.q.size * PER_LINK * len(model.link_names)
         if bytes_needed > _KEPT_COLUMNS_BYTES:
             return torque_regressor(model, *self.motion(part))
@@ -270,15 +266,13 @@ class Samples:
 def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, within_limits: bool = True) -> Samples:
     """Return the filtered rows of a recording: accelerations derived, ends cut, known torques subtracted.
 
-    Zero-phase Butterworth; accelerations are central differences of the filtered velocity, and so are velocities that
-    were not recorded. Where time goes back, or has gaps, each part is filtered and cut by itself; those shorter than
-    the filter needs are left out. At rest nothing is filtered.
+    The filter is a zero-phase Butterworth. Accelerations, and velocities that were not recorded, are central
+    differences. A step back or a gap in time separates parts, which are filtered and cut separately; parts that are too
+    short for the filter are left out. Recordings at rest are not filtered.
 
     Args:
-        log: The recording, with torques.
-        model: The robot.
-        options: Options of the identification.
-        within_limits: Whether positions beyond the robot's limits are refused.
+        log, model, options: The recording with torques, the robot, and options of the identification.
+        within_limits: Refuse positions beyond the robot's limits.
 
     Raises:
         InputError: No torques or no time, positions beyond the limits, or parts too short for the filter.
@@ -286,7 +280,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
     log = checked_log(log, model)
     if within_limits:
         check_positions(log, model)
-    assert log.tau is not None  # for the type checker; checked_log refused
+    assert log.tau is not None  # for the type checker
     actuation, stated = actuation_of(model), as_array("gravity", options.gravity, (3,))
     if options.terms == "static":
         zero = np.zeros(log.q_nominal.shape)
@@ -343,7 +337,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
 
 
 def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Floats]:
-    """Return the stretches in which time goes on without a gap, and the lengths of the gaps [s]."""
+    """Return the stretches without a gap in time, and the lengths of the gaps [s]."""
     steps = np.diff(log.time) if log.time is not None else np.zeros(0)
     if not np.count_nonzero(steps) or float(np.median(steps)) <= 0.0:
         raise InputError(f'recording "{log.name}": time stands still on most rows')
@@ -353,7 +347,7 @@ def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Flo
 
 
 def _notes(short: int, gaps: Floats, rows: tuple[int, int, int, int]) -> tuple[str, ...]:
-    """Return in words what became of the rows, where it is not the usual: all, those used, made of them, and kept."""
+    """Return notes on gaps and on rows left out or resampled; rows are counts of all, used, resampled and kept."""
     every, recorded, made, kept = rows
     longest = f"{len(gaps)} gap(s) in time, the longest {gaps.max(initial=0.0):.3g} s"
     notes = {
@@ -365,12 +359,12 @@ def _notes(short: int, gaps: Floats, rows: tuple[int, int, int, int]) -> tuple[s
 
 
 def _grid(time: Floats) -> tuple[Floats, float]:
-    """Return even times for a stretch (M,), those that it has where these are even, and their step [s]."""
+    """Return even times for a stretch (M,), its own if they are even, and their step [s]."""
     steps = np.diff(time)
     if not len(steps):
         return time, 1.0
     usual = float(np.median(steps))
-    # of bursts half the mean: no more than two rows are made of one
+    # for bursts half the mean, so that at most two rows are made of one
     step = max(usual, 0.5 * float(np.mean(steps)))
     if step > 0.0 and np.ptp(steps) > _IRREGULAR_SPREAD * step:
         return np.arange(time[0], time[-1], step), step
@@ -380,12 +374,12 @@ def _grid(time: Floats) -> tuple[Floats, float]:
 def _segment(
     log: MotionLog, part: slice, even: Floats, step: float, settings: SignalFilter, sensor: tuple[float, float, float]
 ) -> dict[str, Floats]:
-    """Return the signals of a stretch by name, on even times, filtered, with their derivatives; not yet cut."""
+    """Return a stretch's signals by name, resampled and filtered, with derivatives, before the cut."""
     assert log.time is not None
     recorded: dict[str, Floats | None] = {"q": log.q_nominal, "tau": log.tau, "qd": log.qd, **base_of(log)}
     time, signals = log.time[part], {key: values[part] for key, values in recorded.items() if values is not None}
     if not np.array_equal(even, time):
-        increasing = np.concatenate([[True], np.diff(time) > 0.0])  # a repeated stamp has nothing to add
+        increasing = np.concatenate([[True], np.diff(time) > 0.0])  # without repeated stamps
         signals = {
             key: np.column_stack([np.interp(even, time[increasing], column[increasing]) for column in values.T])
             for key, values in signals.items()
@@ -409,26 +403,26 @@ def _segment(
 
 
 def _filter(settings: SignalFilter, share: float) -> Floats:
-    """Return the filter's second-order sections, its cut-off as a share of half the rate."""
+    """Return the filter's second-order sections; the cut-off is a share of the Nyquist frequency."""
     from scipy.signal import butter
 
     return np.asarray(butter(settings.order, share, output="sos"))
 
 
 def _filtered(sections: Floats, values: Floats, mirrored: int) -> Floats:
-    """Return signals (N, ...) filtered forth and back, so many rows of them mirrored beyond both ends."""
+    """Return signals (N, ...) filtered forwards and backwards, with `mirrored` rows of padding at both ends."""
     from scipy.signal import sosfiltfilt
 
     return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=min(mirrored, len(values) - 1)))
 
 
 def _cut_rows(settings: SignalFilter, step: float) -> int:
-    """Return the number of rows, a step [s] apart, to cut at either end."""
+    """Return the number of rows, a step [s] apart, to cut at each end."""
     return int(np.ceil(settings.cut_s / step))
 
 
 def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]:
-    """Split a recording into every first and every second block of a length [s, or rows at rest]."""
+    """Split a recording into two sets of alternate blocks of a length [s, or rows at rest]."""
     held_out = np.floor((samples.time - samples.time[0]) / length).astype(np.int64) % 2 == 1
     if not held_out.any():
         raise InputError(
@@ -439,10 +433,10 @@ def alternate_blocks(samples: Samples, length: float) -> tuple[Samples, Samples]
 
 
 FOLDS = 5
-_FOLD_TURNS = 2  # blocks of each recording in every fold
+_FOLD_TURNS = 2  # blocks per recording and fold
 
 
 def fold_of_rows(samples: Samples) -> NDArray[np.int64]:
-    """Return the fold of each row (N,): blocks of time, one fold after the other, and once more around."""
+    """Return the fold of each row (N,): consecutive blocks of time take the folds in turn."""
     block = np.arange(len(samples)) * (FOLDS * _FOLD_TURNS) // max(len(samples), 1)
     return np.asarray(block % FOLDS, dtype=np.int64)

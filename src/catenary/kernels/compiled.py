@@ -245,7 +245,7 @@ def load_module(stem: str, text: str, given: dict[str, Any], folder: Path | None
 
 
 def _kept(name: str, content: bytes, folder: Path | None) -> Path | None:
-    """Make sure that a private file of the name holds the content, and return its path; None where none can."""
+    """Make sure that a private file of the name holds the content, and return its path; None if none can."""
     try:
         path = private_folder(cache_folder() if folder is None else folder) / name
         numbas = path.parent / "__pycache__"

@@ -51,8 +51,7 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
     """Return a line as a jitted JAX function of float64 arrays, named and ordered as the line's inputs.
 
     Args:
-        line: Straight-line program.
-        shape: Shape of the result.
+        line, shape: Straight-line program, and shape of the result.
 
     Raises:
         MissingPackageError: JAX is not installed.
@@ -124,8 +123,7 @@ def sympy_function(line: Line, shape: tuple[int, ...]) -> SymbolicFunction:
     for `sympy.cse`, `sympy.lambdify` and derivatives.
 
     Args:
-        line: Straight-line program.
-        shape: Shape of the result.
+        line, shape: Straight-line program, and shape of the result.
 
     Raises:
         MissingPackageError: SymPy is not installed.

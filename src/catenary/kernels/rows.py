@@ -25,8 +25,7 @@ def standardise(X: Floats, mean: Floats, scale: Floats, Z: Floats) -> None:
 
     Args:
         X: Features (N, F).
-        mean: Means (F,).
-        scale: Scales (F,).
+        mean, scale: (F,).
         Z: (N, F), written.
     """
     for row in range(len(X)):
@@ -48,8 +47,7 @@ def dense(X: Floats, weights: Floats, bias: Floats, Y: Floats) -> None:
 
     Args:
         X: Inputs (N, F).
-        weights: (F, m).
-        bias: (m,).
+        weights, bias: (F, m), (m,).
         Y: (N, m), written.
     """
     fours = len(weights) - len(weights) % 4
@@ -92,8 +90,7 @@ def within(v: float, limit: float) -> float:
     """Return a number clamped to [-limit, limit].
 
     Args:
-        v: Number.
-        limit: Bound, zero or more.
+        v, limit: Number, and bound, zero or more.
     """
     return -limit if v < -limit else (limit if v > limit else v)
 
@@ -121,8 +118,7 @@ def repeat(value: Floats, Y: Floats) -> None:
     """Write the same numbers into every row.
 
     Args:
-        value: Numbers (m,).
-        Y: (N, m), written.
+        value, Y: Numbers (m,), and (N, m), written.
     """
     for row in range(len(Y)):
         for k in range(len(value)):
@@ -152,8 +148,7 @@ def between(X: Floats, lower: Floats, upper: Floats, inside: Flags) -> None:
 
     Args:
         X: Rows (N, F).
-        lower: Lower limits (F,).
-        upper: Upper limits (F,).
+        lower, upper: Limits (F,).
         inside: Flags (N,), cleared in place.
     """
     for row in range(len(X)):

@@ -54,12 +54,12 @@ class Line(NamedTuple):
 
     @property
     def operations(self) -> int:
-        """How many sums and products it takes."""
+        """Number of sums and products."""
         return sum(step.kind not in ("in", "sin", "cos") for step in self.steps)
 
     @property
     def angles(self) -> int:
-        """How many angles it takes the sine or cosine of."""
+        """Number of angles whose sine or cosine is computed."""
         return len({step.a for step in self.steps if step.kind in ("sin", "cos")})
 
 
@@ -255,9 +255,7 @@ def evaluate_line(
 
     Args:
         line: Straight-line program.
-        sine: Sine of the library.
-        cosine: Cosine of the library.
-        functions: Its other functions, by the names of `FUNCTIONS`.
+        sine, cosine, functions: Functions of the library, others by the names of `FUNCTIONS`.
         **arrays: Inputs by name.
 
     Returns:

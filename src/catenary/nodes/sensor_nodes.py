@@ -259,7 +259,7 @@ class EncoderNode:
 
 
 class SteppedNode(Protocol):
-    """What is stepped at a rate."""
+    """A node that is stepped at a rate."""
 
     transport: Transport
 

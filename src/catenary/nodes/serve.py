@@ -60,7 +60,7 @@ class Serving:
 
     @property
     def kind(self) -> RobotKind:
-        """What is served."""
+        """Kind of the served robot."""
         return KINDS[self.robot]
 
 

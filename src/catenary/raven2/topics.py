@@ -128,8 +128,7 @@ def in_channels(arm: Arm, values: Floats) -> Floats:
     """Place values of an arm's joints in raven_state's channels.
 
     Args:
-        arm: "gold" or "green".
-        values: (..., 7).
+        arm, values: "gold" or "green", and (..., 7).
 
     Returns:
         (..., 16), zero in the other arm's and unused channels.

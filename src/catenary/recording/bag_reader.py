@@ -145,7 +145,7 @@ class TopicLoss(NamedTuple):
 
 
 class Rescue(NamedTuple):
-    """What is there of a recording that was not whole, and what is not."""
+    """Recovered and lost parts of a damaged recording."""
 
     topics: tuple[TopicLoss, ...]
     seconds: float  # from the first message to the last

@@ -100,7 +100,7 @@ def field_of(values: dict[bytes, bytes], key: bytes, length: int | None = None) 
 
 
 def sized(file: BinaryIO, size: int) -> bytes | None:
-    """Bytes behind their length, or None where the file ends first."""
+    """Bytes behind their length, or None if the file ends first."""
     if file.tell() + 4 > size:
         return None
     length = _U32.unpack(file.read(4))[0]

@@ -33,8 +33,7 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
     record_joint_enc, record_other, and record_about. Damaged messages are left out, and logged.
 
     Args:
-        source: The recording.
-        folder: Folder to write into.
+        source, folder: The recording, and the folder to write into.
         kind: "ros1" or "ros2".
 
     Returns:

@@ -35,7 +35,7 @@ MAGIC = b"\x89MCAP0\r\n"
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 1, 2, 3, 4, 5, 6
 _MESSAGE_INDEX, _CHUNK_INDEX, _STATISTICS, _METADATA, _DATA_END = 7, 8, 11, 12, 15
 _FLUSH_INTERVAL_S = 0.5  # [s] a crash loses at most this and what the disk takes to write it
-_CHUNK_BYTES = 2**16  # [B] from which on the next message begins another chunk: damage costs one
+_CHUNK_BYTES = 2**16  # [B] from which the next message begins another chunk: damage costs one
 MAX_FILE_BYTES = 64 * 2**20  # of a file
 _MAX_PENDING_BYTES = 8 * 2**20  # [B] that wait for the disk; beyond it whoever appends waits too
 _MAX_MESSAGE_BYTES = 64 * 2**20  # [B]; a longer message is refused
@@ -73,7 +73,7 @@ class About:
 
 
 class LeftOff(NamedTuple):
-    """Where a recording was cut off, and goes on."""
+    """Position at which an interrupted recording continues."""
 
     begins: float  # [s] of the recording, or of its motion, that are there
     part: int  # number of the next file

@@ -1,4 +1,4 @@
-"""Where the numbers lie in a serialised message: a NumPy structured type, so that thousands are read at once.
+"""Layout of numbers in a serialised message as a NumPy structured type, to read thousands at once.
 
 And topics by their names: thousands of messages of one from its columns in SI.
 """

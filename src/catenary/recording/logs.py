@@ -110,8 +110,7 @@ def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLo
     """Read a recording, by a mapping or as `read_log` does, and correct it.
 
     Args:
-        path: The recording.
-        reading: Mapping and corrections.
+        path, reading: The recording, and its mapping and corrections.
 
     Raises:
         FileFormatError: No such file, unknown kind, or damaged.
@@ -188,8 +187,7 @@ def write_parquet(log: MotionLog, path: str | Path) -> None:
     """Write a log as Parquet: a column per number (q_nominal:<joint>, ..., signals), its unit in the metadata.
 
     Args:
-        log: The log.
-        path: The file (.parquet).
+        log, path: The log, and the file (.parquet).
 
     Examples:
         >>> from pathlib import Path
@@ -204,8 +202,7 @@ def write_pieces(logs: Iterable[MotionLog], path: str | Path) -> None:
     """Write the pieces of a log one after the other; the last one's description is that of the whole.
 
     Args:
-        logs: The pieces.
-        path: The file (.parquet).
+        logs, path: The pieces, and the file (.parquet).
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

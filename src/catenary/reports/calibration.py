@@ -221,8 +221,7 @@ def first_names(names: Sequence[str], most: int = 8) -> str:
     """Return the first names of a list, and the number of the others.
 
     Args:
-        names: The names.
-        most: Number of names to keep.
+        names, most: The names, and the number of names to keep.
     """
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
@@ -235,7 +234,7 @@ class JointGain(NamedTuple):
     unit: str
     before: float
     after: float
-    against: str  # empty where the correction is recommended
+    against: str  # empty if the correction is recommended
 
 
 def headline(

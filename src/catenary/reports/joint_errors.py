@@ -226,8 +226,7 @@ def overlay(log: MotionLog, before: float = 0.0, after: float = 0.0) -> "Figure"
 
     Args:
         log: Recording with encoder positions.
-        before: Delay of the measurements as recorded [s|rows].
-        after: Remaining delay after re-timing.
+        before, after: Delay of the measurements [s|rows], as recorded and after re-timing.
 
     Returns:
         Matplotlib figure.

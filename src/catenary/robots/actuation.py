@@ -1,4 +1,4 @@
-"""What loads a robot's joints besides its links: friction, motor inertia, springs, known torques; pure data.
+"""Actuation of a robot's joints: friction, motor inertia, springs, known torques; pure data.
 
 Every effect acts along a combination c of the robot's coordinates: on s = c . q it makes the scalar load f, and the
 actuators must supply tau = c f more. So friction between two coupled joints, or of a motor behind a gear, is a term
@@ -137,7 +137,7 @@ class KnownTorque(Effect):
 
 @dataclass(frozen=True)
 class SignalFilter:
-    """How recordings of this robot are filtered: zero-phase Butterworth, ends cut."""
+    """Filter for recordings of this robot: zero-phase Butterworth, ends cut."""
 
     __pydantic_config__ = IN_FILES
 
@@ -186,7 +186,7 @@ class Actuation:
 
 
 class JointDrives(NamedTuple):
-    """Friction and rotors of every joint by itself, zero where nothing is known."""
+    """Friction and rotor of each joint, zero if unknown."""
 
     friction: Floats  # (n,) Coulomb [Nm or N]
     damping: Floats  # (n,) viscous [Nms/rad or Ns/m]
@@ -252,7 +252,7 @@ class StatedDrive(NamedTuple):
 
 
 def stated_actuation(joint_names: Sequence[str], drives: Sequence[StatedDrive]) -> Actuation | None:
-    """Return friction, rotors and springs with the numbers that a description states; None where it states none.
+    """Return friction, rotors and springs with the numbers that a description states; None if it states none.
 
     Coordinates of which nothing is stated have friction of zero, as everywhere to be identified. Joints that move by c
     times a coordinate load it with |c| of their Coulomb friction and c^2 of their damping, rotor and stiffness.
@@ -290,7 +290,7 @@ def joint_drives(actuation: Actuation, n: int) -> JointDrives | None:
         n: Number of joints.
 
     Returns:
-        The drives, (n,) each; None where no values are known.
+        The drives, (n,) each; None if no values are known.
     """
     if actuation.values is None:
         return None

@@ -45,7 +45,7 @@ class DescribedRobot(LoopSettings):
 
 
 def described_table(path: Path) -> DescribedRobot | None:
-    """Return the table in a TOML file that names a description; None where the file is a DH table or no TOML."""
+    """Return the table in a TOML file that names a description; None if the file is a DH table or no TOML."""
     content = read_bounded(path, MOST_TOML)
     try:
         names_one = b"description" in content and "description" in toml_table(content, str(path))

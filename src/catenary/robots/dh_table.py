@@ -76,7 +76,7 @@ class FrameTable(Settings):
 
 
 class CapsuleTable(Settings):
-    """What a link looks like: all points within a distance of a segment, in the axes of a frame."""
+    """Shape of a link: all points within a distance of a segment, in the axes of a frame."""
 
     frame: str  # a link, a named frame, or base
     from_m: Vector

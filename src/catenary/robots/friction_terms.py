@@ -1,4 +1,4 @@
-"""The terms of friction, one record for each: its load on a joint, and all else that is asked about it.
+"""Friction terms (Coulomb, viscous, presliding and more), one record each, with load on a joint and properties.
 
 Robot files, inverse dynamics, compiled code, C, units, bounds, `identify` and its help read `FRICTION_TERMS`. A new
 term is a record there, tested by tests/contracts/test_friction_terms.py; CONTRIBUTING.md adds one.

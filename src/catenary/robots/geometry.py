@@ -67,7 +67,7 @@ class TriangleMesh:
 
 
 class MeshFile(NamedTuple):
-    """A surface in a file, which is read when distances are asked for."""
+    """A surface in a file, which is read when distances are computed."""
 
     path: Path
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -88,7 +88,7 @@ class Shape:
 
 @dataclass(frozen=True)
 class Geometry:
-    """What a robot's links look like."""
+    """Shapes of a robot's links."""
 
     robot: str
     shapes: tuple[Shape, ...]
@@ -108,8 +108,7 @@ def check_form(what: str, form: Form) -> None:
     """Refuse a shape whose sizes are not positive, or beyond any robot's (a kilometre).
 
     Args:
-        what: The shape, which opens every message.
-        form: Its form and sizes [m].
+        what, form: The shape, which opens every message, and its form and sizes [m].
 
     Raises:
         InputError: A size out of range, a mesh without triangles, or a vertex that is not finite.
@@ -154,8 +153,7 @@ def distance_to_segment(point: Floats, start: Floats, end: Floats) -> float:
 
     Args:
         point: (3,) [m].
-        start: One end of the segment (3,) [m].
-        end: The other end (3,) [m].
+        start, end: Ends of the segment (3,) [m].
     """
     along = end - start
     square = float(along @ along)

@@ -55,8 +55,7 @@ def check_inertia(what: str, body: LinkInertia) -> None:
     """Refuse inertial parameters that no body has.
 
     Args:
-        what: The body, which opens every message.
-        body: Mass, centre of mass and inertia.
+        what, body: The body, which opens every message, and its mass, centre of mass and inertia.
 
     Raises:
         InputError: A mass that is negative, huge or not finite, a centre of mass too far away, or an inertia that is

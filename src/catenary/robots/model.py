@@ -60,7 +60,7 @@ class Loops(NamedTuple):
     """What closes the loops of a tree whose joints are all coordinates still."""
 
     loops: tuple[Loop, ...]
-    motors: tuple[str, ...]  # coordinates that are driven, which the others follow; empty where not stated
+    motors: tuple[str, ...]  # coordinates that are driven, which the others follow; empty if not stated
     assembled: Annotated[
         Floats, Listed()
     ]  # (n,) a place next to which the loops close [rad or m]: they may close in several ways

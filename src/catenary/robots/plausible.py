@@ -1,4 +1,4 @@
-"""What a robot can be at most: bounds that no arm reaches and that numbers of damaged files leave."""
+"""Plausibility bounds on a robot's numbers, which no arm reaches and damaged files exceed."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -44,8 +44,7 @@ def check_different(what: str, names: Sequence[str]) -> None:
     """Refuse duplicate names.
 
     Args:
-        what: What is named, which opens every message.
-        names: The names.
+        what, names: The things named, which opens every message, and their names.
 
     Raises:
         InputError: A name occurs twice.

@@ -35,7 +35,7 @@ Segment = tuple[Floats, Floats]
 def load_geometry(
     source: str | Path, model: RobotModel, *, packages: Sequence[Path] = (), link_radius: float | None = None
 ) -> geometry.Geometry | None:
-    """Return the shapes of a robot's links; None where nothing tells them.
+    """Return the shapes of a robot's links; None if nothing tells them.
 
     They come from the robot's description: collision shapes of a URDF, geoms of an MJCF, `[[capsule]]` of a table.
     Where it has none they are capsules along the links (`capsules_along_links`).
@@ -56,7 +56,7 @@ def load_geometry(
 def described_geometry(
     source: str | Path, model: RobotModel, *, packages: Sequence[Path] = (), kind: Kind = "collision"
 ) -> geometry.Geometry | None:
-    """Return the shapes that a robot's description states; None where it states none.
+    """Return the shapes that a robot's description states; None if it states none.
 
     Args:
         source: As of `load_geometry`: name in the catalogue, file, or URDF text.
@@ -143,7 +143,7 @@ def _thickness(mass: float, segments: list[Segment]) -> float:
 
 
 def table_shapes(path: Path, model: RobotModel) -> geometry.Geometry | None:
-    """Return the capsules of a robot table; None where it has none."""
+    """Return the capsules of a robot table; None if it has none."""
     table = load_toml(path, RobotTable)
     if not table.capsule:
         return None
@@ -168,7 +168,7 @@ def urdf_shapes(
     packages: Sequence[Path] = (),
     kind: Kind = "collision",
 ) -> geometry.Geometry | None:
-    """Return the shapes of a URDF, whose meshes are looked for beside `path`; None where it has none."""
+    """Return the shapes of a URDF, whose meshes are looked for beside `path`; None if it has none."""
     robot = urdf_root(content, where)
     wanted = kind
     if robot.find(f"link/{kind}/geometry") is None:
@@ -245,7 +245,7 @@ def _mesh(what: str, name: str | None, path: Path | None, packages: Sequence[Pat
 
 
 def mjcf_shapes(path: Path, model: RobotModel) -> geometry.Geometry | None:
-    """Return the shapes of an MJCF file; None where it has none."""
+    """Return the shapes of an MJCF file; None if it has none."""
     c = compile_mjcf(path)
     m = c.model
     colliding = [g for g in range(m.ngeom) if m.geom_contype[g] or m.geom_conaffinity[g]]

@@ -22,8 +22,7 @@ def write_urdf(model: RobotModel, path: Path) -> None:
     """Write a robot as a URDF file; see `urdf_text`.
 
     Args:
-        model: The robot.
-        path: The file.
+        model, path: The robot, and the file.
 
     Raises:
         OSError: The folder is not writable, or the disk is full.

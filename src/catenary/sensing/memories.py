@@ -269,8 +269,7 @@ def turn_matrix(angle: Floats, out: Floats) -> None:
     """Compute the matrix that transforms a vector to axes turned by a rotation vector.
 
     Args:
-        angle: Rotation vector (3,) [rad].
-        out: Matrix (3, 3), written.
+        angle, out: Rotation vector (3,) [rad], and matrix (3, 3), written.
     """
     x, y, z = angle[0], angle[1], angle[2]
     size = math.sqrt(x * x + y * y + z * z)

@@ -138,8 +138,7 @@ def level_and_tilts(level: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> tupl
 
     Args:
         level: (3,) specific force of the level base [m/s2].
-        roll: (3,) of the rolled base.
-        pitch: (3,) of the pitched base.
+        roll, pitch: (3,) of the rolled and of the pitched base.
 
     Returns:
         Readings (3, 3) [m/s2] and unit directions of up (3, 3) in base axes, one a row.
@@ -188,7 +187,7 @@ def _rotation_deg(matrix: Floats) -> float:
 
 
 _MIN_ORIENTATIONS = 4  # rotation and bias are six numbers, of which one rest gives three
-_MIN_FOR_SCALE = 9  # orientations from which on scale is fitted too
+_MIN_FOR_SCALE = 9  # orientations from which scale is fitted too
 _MIN_SPREAD = 0.05  # least singular value of the directions of up, relative to sqrt N
 
 

@@ -141,8 +141,7 @@ def integral(times: Floats, values: Floats) -> Floats:
     """Return the trapezoidal integral of values over times, from the first.
 
     Args:
-        times: (N,).
-        values: (N, 3).
+        times, values: (N,), (N, 3).
 
     Returns:
         (N, 3).

@@ -198,8 +198,7 @@ def tilted_gravity(roll: float, pitch: float) -> Floats:
     """Return gravity in the axes of a tilted base, R_world_base^T (0, 0, -g).
 
     Args:
-        roll: About x [rad], first.
-        pitch: About the rolled y axis [rad].
+        roll, pitch: Angle about x [rad], first, and about the rolled y axis [rad].
 
     Returns:
         (3,) [m/s2].

@@ -299,8 +299,7 @@ def save_tool(path: Path | str, tool: WristTool) -> None:
     """Write a tool file (TOML) atomically.
 
     Args:
-        path: The file.
-        tool: The tool.
+        path, tool: The file, and the tool.
     """
     rows = [f"{key} = {json.dumps(value, ensure_ascii=False)}\n" for key, value in plain_data(tool).items()]
     write_atomically(Path(path), (_HEAD + "".join(rows)).encode())

@@ -32,8 +32,7 @@ class FixedBase:
     """A fixed base, level or tilted.
 
     Attributes:
-        roll: About x [rad], first.
-        pitch: About the rolled y axis [rad].
+        roll, pitch: Angle about x [rad], first, and about the rolled y axis [rad].
 
     Examples:
         >>> catenary.FixedBase(roll=0.1).sample(np.zeros(1)).gravity.round(3)

@@ -1,8 +1,8 @@
-"""Simulated RAVEN-II arm: elastic cables, its own firmware, external encoders; homing, positioning joints, telemetry.
+"""Simulated RAVEN-II arm: elastic cables, firmware, external encoders, homing, positioning joints, telemetry.
 
-[Homing: RAVEN-II source, branch master, homing.cpp] Tools first, with the positioning joints at rest; then the three
-positioning joints together. An axis is at its stop, where its own and the external encoders are registered, when the
-DAC value of its PD reaches a threshold.
+[Homing: RAVEN-II source, branch master, homing.cpp] The tool axes are homed first, with the positioning joints at rest;
+then the three positioning joints together. An axis has reached its stop when the DAC value of its PD reaches a
+threshold; there its motor encoder and external encoder are registered.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -41,10 +41,10 @@ from catenary.transmission.cable_elasticity import MAX_LOSS, winding_of
 
 # [rad/s, rad/s, m/s, rad/s...] towards the stops: shoulder down, elbow up, insertion out, tools up
 _SEEK_SPEEDS = np.array([-np.deg2rad(10.0), np.deg2rad(10.0), 0.02, *np.deg2rad([80.0, 40.0, 40.0, 40.0])])
-_RAMP_S = 0.5  # [s] rise of the speed as v (1 - cos 2 pi t)
+_RAMP_S = 0.5  # [s] in which the speed rises as v (1 - cos 2 pi t)
 _AMPLIFIER_WAIT_S = 1.0  # [s]
 _REGISTER_WAIT_S = 0.2  # [s] from the last stop to the registration
-_HOME_TIME_S = 2.5  # [s] of the half cosine to the home position
+_HOME_TIME_S = 2.5  # [s] duration of the half cosine to the home position
 _MAX_SEEK_S = 60.0  # [s]
 _POSITIONING_AXES = np.array([True] * 3 + [False] * 4)
 _TOOL_AXES = ~_POSITIONING_AXES
@@ -53,7 +53,7 @@ _AWAITED_AXES = np.array([False] * 3 + [True, True, True, False])  # homing does
 
 
 class ExternalEncoders:
-    """Encoders on the joints themselves, beyond the cables; not registered at first."""
+    """Joint encoders, beyond the cables; initially not registered."""
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
@@ -64,12 +64,12 @@ class ExternalEncoders:
         return np.round(q * self.rig.counts)
 
     def positions(self, counts: Floats) -> Floats:
-        """Return the reported joint positions (..., 3) [rad, rad, m] of counts; NaN before registration."""
+        """Return the joint positions (..., 3) [rad, rad, m] of counts; NaN before registration."""
         return np.asarray(self.rig.registered + (counts - self.zero) / self.rig.counts)
 
 
 def mean_near_peak(counts: Floats, side: Floats, window: Floats) -> Floats:
-    """Return the mean (3,) of the counts (T, 3) within a window (3,) of their peaks on the given sides (3,), +-1."""
+    """Return the mean (3,) of counts (T, 3) within a window (3,) of their peaks; sides (3,) are 1 or -1 for minima."""
     peak = np.max(counts * side, axis=0) * side
     near = np.abs(counts - peak) <= window
     return np.asarray(np.where(near, counts, 0.0).sum(axis=0) / near.sum(axis=0))
@@ -81,8 +81,8 @@ def home(
 ) -> Iterator[Floats]:  # fmt: skip
     """Home an arm tick by tick: yield the next setpoints (7,) [rad, rad, m, rad...], and update `control`.
 
-    The external encoders are registered at the stops of the positioning joints, on stop_side (3,), -1 for one below: at
-    the mean of the counts near their peak.
+    The external encoders are registered at the stops of the positioning joints, by the mean of the counts near their
+    peak; stop_side (3,) is 1 for an upper stop and -1 for a lower one.
     """
     control.guarded = False  # the stops are beyond the software limits
     control.mode[:] = POSITION
@@ -104,7 +104,7 @@ def home(
 
 
 def _seek(control: ControlState, axes: Booleans, waited_for: Booleans, joint_names: Sequence[str]) -> Iterator[Floats]:
-    """Move axes towards their stops until the awaited ones reach them, and `_REGISTER_WAIT_S` longer."""
+    """Move axes towards their stops until `_REGISTER_WAIT_S` after the awaited ones have reached them."""
     wanted, seek, setpoint = control.joint.copy(), control.seek, control.setpoint
     seek[axes] = STOP_SOUGHT
     t, since = 0.0, 0.0
@@ -136,7 +136,7 @@ _PAYLOAD_PLACE = np.array([0.0, 0.0, -0.47])  # [m] in the insertion's frame: th
 
 
 class CablePlant(FirmwarePlant[TickLog]):
-    """Simulated RAVEN-II arm. It must be homed and enabled to move; brakes hold it while it is not enabled.
+    """Simulated RAVEN-II arm, which must be homed and enabled to move; brakes hold it otherwise.
 
     Examples:
         >>> plant = catenary.CablePlant()
@@ -161,18 +161,15 @@ class CablePlant(FirmwarePlant[TickLog]):
         """Create an arm, powered on and disabled.
 
         Args:
-            arm: Parameters; the package's RAVEN-II when None.
+            arm: Parameters; the package's RAVEN-II if None.
             side: "left" (gold) or "right" (green).
-            seed: Draws a random robot of the kind and its start; None is the nominal robot at a fixed start.
-            start: (3,) positions of the positioning joints at power-on [rad, rad, m]; drawn when None.
+            seed: Seed of random parameters and start; None for the nominal robot at a fixed start.
+            start: (3,) positions of the positioning joints at power-on [rad, rad, m]; drawn if None.
             payload: Mass at the tool's wrist [kg], 0 or more.
-            base: Motion of the base; level and fixed when None.
-            substeps: Physics steps per millisecond; 1 is enough for hours-long runs.
-            grav_dir: Gravity of the firmware's own compensation, three integers [cm/s2] with z down, as on the robot:
-                (0, 0, 980) on the real one, whatever its base. No compensation when None.
-
-        Raises:
-            InputError: An argument is out of range.
+            base: Motion of the base; level and fixed if None.
+            substeps: Physics steps per millisecond; 1 is accurate enough for runs of hours.
+            grav_dir: Gravity of the firmware's own compensation, three integers [cm/s2] with z down; (0, 0, 980) on the
+                real robot at any mounting. No compensation if None.
         """
         if side not in ("left", "right"):
             raise InputError(f'side "{side}": expected left or right')
@@ -186,7 +183,7 @@ class CablePlant(FirmwarePlant[TickLog]):
         positioning = load_robot("raven2" if side == "left" else "raven2_right")
         self._positioning, self._links = positioning, _writable(positioning.tree)
         self.carry(payload)
-        # parameters of the arm and of its firmware, which may be replaced
+        # copies of the parameters of arm and firmware, which may be changed
         self.cable, self.firmware = self.arm.cable.copy(), self.arm.firmware.copy()
         self.state = ArmState()
         self.control = ControlState(braked=True, guarded=True)
@@ -227,9 +224,9 @@ class CablePlant(FirmwarePlant[TickLog]):
             self._own_gravity.gravity = gravity
 
     def switch_own_gravity(self, grav_dir: Sequence[float] | None) -> None:
-        """Switch the firmware's own gravity compensation on, with gravity in the format of `grav_dir`, or off (None).
+        """Enable the firmware's own gravity compensation, with gravity in the format of `grav_dir`; None disables it.
 
-        It persists through `disable` and homing, as if compiled into the firmware; no topic of the robot does this.
+        It persists through `disable` and homing, as if compiled into the firmware.
         """
         self._written_gravity = np.zeros(3) if grav_dir is None else gravity_of(grav_dir)
         self._compensates = grav_dir is not None
@@ -243,7 +240,7 @@ class CablePlant(FirmwarePlant[TickLog]):
         return self._sample(joint_enc=counts, ext_jpos=positions, q_true=self.state.q.copy())
 
     def external_encoders(self) -> Floats:
-        """Return positions of the positioning joints by the external encoders, (3,) [rad, rad, m]."""
+        """Return the external encoders' positions of the positioning joints (3,) [rad, rad, m]."""
         return self.encoders.positions(self.encoders.counts(self.state.q))
 
     # simulator only
@@ -261,7 +258,7 @@ class CablePlant(FirmwarePlant[TickLog]):
                 setattr(self.cable, name, factor * getattr(self.arm.cable, name))
 
     def wear(self, share: float) -> None:
-        """Wear the cables: set their permanent set and loss of stiffness to a share, 0 to 1, of their limits."""
+        """Wear the cables: set their elongation and loss of stiffness to a share, 0 to 1, of the limits."""
         if not 0.0 <= share <= 1.0:
             raise InputError(f"wear: expected a share from 0 to 1, got {share}")
         self.state.slack = share * self.cable.set_side * self.cable.largest_set
@@ -318,19 +315,18 @@ class CablePlant(FirmwarePlant[TickLog]):
 
 
 def _writable(tree: Tree) -> Tree:
-    """Return a tree of writable arrays, as deep copies are: another kind would compile the code once more."""
+    """Return a tree of writable arrays, as deep copies are; numba compiles again for read-only ones."""
     return Tree._make(np.array(part) for part in tree)
 
 
 class PositioningArm:
-    """A Plant of an arm's positioning joints alone, as in robot model `raven2`; the firmware holds the tool.
+    """A Plant of only an arm's positioning joints, as in robot model `raven2`; the firmware holds the tool.
 
-    Gravity compensation and masses of the model concern these joints only. The operating state, telemetry and clock
-    are the arm's.
+    Operating state, telemetry and clock are the arm's.
     """
 
     def __init__(self, arm: CablePlant) -> None:
-        """Wrap an arm; commands to either reach the same joints."""
+        """Wrap an arm, which may still be commanded itself."""
         self.arm = arm
 
     def __getattr__(self, name: str) -> Any:
@@ -373,7 +369,7 @@ def _first(state: JointState) -> JointState:
 
 
 _RUNNING_LEVEL = 3  # run level: pedal down
-# name in telemetry: field of a tick's log, which has no offsets of the encoders
+# name in telemetry: field of a tick's log, which lacks encoder offsets
 _AXIS_FIELDS = {name: field for name, (field, _) in _REPORTED_FIELDS.items() if name != "encoffsets"}
 COLUMNS = (
     *_AXIS_FIELDS, "encoffsets", "runlevel", "type", "dt", "pos", "ori", "ext_jpos", "joint_enc",
@@ -396,13 +392,12 @@ def of_both_arms(
     """Return the telemetry of one or two arms of a robot in the robot's channels.
 
     Args:
-        plant: Arm whose own columns are kept.
+        plant: Arm whose columns without channels are kept.
         log: Its T ticks.
-        beside: Other arm, if any.
-        log_beside: The other arm's log of the same ticks.
+        beside, log_beside: Other arm, if any, and its log of the same ticks.
 
     Returns:
-        Columns as of `telemetry_of`, with the other arm's channels and pose.
+        Columns as in `telemetry_of`, with the other arm's channels and pose.
     """
     columns = telemetry_of(plant, log)
     if beside is not None and log_beside is not None:
@@ -412,14 +407,12 @@ def of_both_arms(
 
 
 def telemetry_of(plant: CablePlant, log: TickLog) -> dict[str, Floats]:
-    """Return T ticks of a run as telemetry.
+    """Return a run as telemetry, columns (T, width) by name, in SI.
+
+    `pos` and `ori` are the tool's pose in frame 0 of the arm, computed from motor positions as on the robot.
 
     Args:
-        log: Its T ticks.
-
-    Returns:
-        Columns (T, width) by name, in SI; `pos` and `ori` are the tool's pose in frame 0 of the arm, computed from
-        motor positions as on the robot.
+        plant, log: The arm, and its T ticks.
     """
     ticks = len(log.joint)
     side = ARM_OF_SIDE[plant.side]

@@ -40,11 +40,9 @@ def random_sinusoids(
 
     Args:
         duration: [s], twice `turn_time` to 1e8.
-        lower: (n,) lower ends of the ranges [rad|m]; the RAVEN-II's calibration box by default.
-        upper: (n,) upper ends.
+        lower, upper: (n,) ends of the ranges [rad|m]; the RAVEN-II's calibration box by default.
         turning_band: (n,) largest distance of turning points from the ends [rad|m], 0 to half of the range.
-        slowest: (n,) least speed of a swing [rad/s|m/s], positive.
-        fastest: (n,) largest speed.
+        slowest, fastest: (n,) least and largest speed of a swing [rad/s|m/s], positive.
         turn_time: Time to decelerate to rest [s], positive.
 
     Raises:

@@ -141,10 +141,8 @@ def go_to(
     between; over short distances it does not reach the largest velocity v, and its peak follows from acceleration a.
 
     Args:
-        q_start: (n,) [rad|m].
-        q_goal: (n,) [rad|m].
-        max_velocity: (n,), positive [rad/s|m/s].
-        max_acceleration: (n,), positive [rad/s2|m/s2].
+        q_start, q_goal: (n,) [rad|m].
+        max_velocity, max_acceleration: (n,), positive [rad/s|m/s], [rad/s2|m/s2].
 
     Returns:
         Trajectory that ends at `q_goal` after its `duration`.

@@ -105,8 +105,7 @@ def zigzag(
         direction: Joints along which the sweeps move: J1, J2, J3, J1-J2, J2-J3, J1-J3 or J1-J2-J3.
         sparsities: Distance between sweeps in the unit cube for each path, 0.01 to 1.
         form: Of J1-J2-J3: generator, files or paper; the other directions have only generator.
-        lower: (3,) lower ends of the ranges [rad|m]; the RAVEN-II's calibration box by default.
-        upper: (3,) upper ends.
+        lower, upper: (3,) ends of the ranges [rad|m]; the RAVEN-II's calibration box by default.
         rows_per_second: Speed in rows of `zigzag_rows`.
         blend: Duration of the velocity change at a corner [s].
 

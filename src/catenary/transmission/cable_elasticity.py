@@ -25,8 +25,7 @@ def joints_of(coupling: Numbers, winding: Vector) -> Vector:
     """Return the joint positions (or velocities) of a winding: the inverse of `winding_of`.
 
     Args:
-        coupling: Coefficients c01, c02, c12.
-        winding: Cable positions at the joints (3,).
+        coupling, winding: Coefficients c01, c02, c12, and cable positions at the joints (3,).
     """
     first = winding[0]
     second = winding[1] - coupling[0] * first
@@ -56,8 +55,7 @@ def tensions_for(coupling: Numbers, force: Numbers) -> Vector:
     """Return the cable tensions of joint torques: the inverse of `joint_forces`.
 
     Args:
-        coupling: Coefficients c01, c02, c12.
-        force: Joint torques (3,) [Nm, Nm, N].
+        coupling, force: Coefficients c01, c02, c12, and joint torques (3,) [Nm, Nm, N].
     """
     third = force[2]
     second = force[1] - coupling[2] * third
@@ -72,8 +70,7 @@ def beyond_backlash(stretch: float, width: float) -> float:
     """Return the stretch beyond a backlash; zero inside it.
 
     Args:
-        stretch: Stretch [rad or m].
-        width: Total width of the backlash, same unit.
+        stretch, width: Stretch [rad or m], and total width of the backlash, same unit.
     """
     half = 0.5 * width
     if stretch > half:

@@ -1,1 +1,1 @@
-"""What is wrong with a recording, judged before anything is fitted to it."""
+"""Findings about faults in recordings, before anything is fitted to them."""

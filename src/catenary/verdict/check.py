@@ -1,4 +1,4 @@
-"""The verdict on recordings of which a calibration model is to be made: every check, in order."""
+"""Checks of recordings before calibration: all findings, in order, and the verdict whether they may be fitted."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -39,59 +39,56 @@ from catenary.verdict.units_and_scale import (
     within_reason,
 )
 
-_MAX_SHARED_SHARE = 0.01  # share of a test's rows that may be in the training; poses that rest repeat themselves
-_MAX_HASHES = 1_000_000  # that are compared
+_MAX_SHARED_SHARE = 0.01  # share of a test's rows that may be in the training, as resting poses repeat
+_MAX_HASHES = 1_000_000  # number of hashes compared
 MAX_ERROR_OPTION = "--max-error"
-_MEND_ROUNDS = 4  # of mends: one fault may hide another
-# steps that change what delay is found: friction holds back, either way
+_MEND_ROUNDS = 4  # rounds of corrections, as one fault may hide another
+# steps that change the estimated delay (a sign because friction always holds back)
 _TIMING_STEPS = "time_unit", "sign", "clock", "delay", "shift"
-_REPEATED_ROWS = 20  # of motion, that no other minutes repeat digit by digit
+_REPEATED_ROWS = 20  # rows of motion that no other motion repeats digit by digit
 
 
-KnownDelays = dict[Mend, list[Finding]]  # what was found of a recording's delay, under each mend
+KnownDelays = dict[Mend, list[Finding]]  # findings about a recording's delay, by correction
 
 
 class Judged(NamedTuple):
-    """What is wrong with a recording, and the recording with all of that mended that options can."""
+    """Findings about a recording, and the recording corrected by options."""
 
-    findings: tuple[Finding, ...]  # the gravest first
+    findings: tuple[Finding, ...]  # most severe first
     mend: Mend
     log: MotionLog
-    left: list[str]  # names of findings that refuse it even then
+    left: list[str]  # names of refusing findings that remain after correction
 
 
 def findings_of(
     log: MotionLog, *, robot: RobotModel | None = None, max_error: Floats | None = None
 ) -> tuple[Finding, ...]:
-    """Return findings about a recording, most severe first; see `judged`.
+    """Return findings about a recording, most severe first.
 
     Args:
-        log: The recording.
-        robot: Robot, whose limits positions are compared with.
-        max_error: Rows with larger errors are left out, (n,) [rad|m].
+        log, robot, max_error: See `judged`.
     """
     return judged(log, robot=robot, max_error=max_error).findings
 
 
 def judged(
     log: MotionLog,
-    mend: Mend = NO_MEND,  # that it needs before
+    mend: Mend = NO_MEND,
     *,
-    robot: RobotModel | None = None,  # whose limits positions are held against, by the names of joints
-    max_error: Floats | None = None,  # (n,) [rad|m]; rows with larger errors are left out, as a fit leaves them out
+    robot: RobotModel | None = None,
+    max_error: Floats | None = None,
     trained: tuple[Floats, Floats] | None = None,
-    alone: bool = True,  # minutes that are there twice are looked for, too
-    delays: KnownDelays | None = None,  # of this recording, robot and limits; what is found is put there
+    alone: bool = True,
+    delays: KnownDelays | None = None,
 ) -> Judged:
-    """Return findings about a recording; what a fault hides is found by correcting it first, and reported so.
+    """Return findings about a recording; a fault is corrected to find others that it hides, and these say so.
 
     Args:
-        log: The recording.
-        mend: Correction that it needs first.
-        robot: Robot, whose limits positions are compared with, by the names of joints.
-        max_error: Rows with larger errors are left out, as a fit leaves them out, (n,) [rad|m].
+        log, mend: Recording, and the correction to apply first.
+        robot: Robot whose limits positions are compared with, by the names of joints.
+        max_error: Leave out rows with larger errors, as a fit does, (n,) [rad|m].
         trained: Lowest and highest positions in training (n,) each.
-        alone: Whether duplicated segments are looked for, too.
+        alone: Also search for duplicated segments.
         delays: Known delays of this recording, robot and limits; new ones are added.
     """
     found, seen, begun = list[Finding](), list[Finding](), mend
@@ -122,7 +119,7 @@ def judged(
         except InputError:  # such as a shift that leaves no row
             break
         mend = more
-    if (pairs := pairs_of(mended)) is not None:  # what is wrong everywhere is far from the rest somewhere
+    if (pairs := pairs_of(mended)) is not None:  # single rows, after faults of all rows, which look like outliers
         single = *outlier_findings(mended), *coarse_findings(pairs), *filled_findings(mended), *missing_findings(mended)
         wrong = {joint for finding in seen if finding.refuses for joint in finding.joints}
         found += _as_if(mend, begun, (finding for finding in single if wrong.isdisjoint(finding.joints)), found)
@@ -133,7 +130,7 @@ def judged(
 
 
 def _as_if(mend: Mend, begun: Mend, seen: Iterable[Finding], known: Sequence[Finding]) -> list[Finding]:
-    """Return findings that are not known, and say as if by which mend they were seen; none that the mend makes."""
+    """Return new findings, each stating the correction under which it appeared; not those the correction causes."""
     known_names = {(finding.name, joint) for finding in known for joint in finding.joints or ("",)}
     new = [
         finding
@@ -149,7 +146,7 @@ def _as_if(mend: Mend, begun: Mend, seen: Iterable[Finding], known: Sequence[Fin
 
 
 def _late(delays: KnownDelays, mend: Mend, pairs: Pairs, place: Integers) -> list[Finding]:
-    """Return findings about delays under a correction, cached: a command asks once for each of its models."""
+    """Return findings about delays under a correction, cached for commands with several models."""
     if mend not in delays:
         delays[mend] = delay_findings(pairs, place)
     return delays[mend]
@@ -162,10 +159,10 @@ def _together(
     late_of: Callable[[Pairs, Integers], list[Finding]] | None,
     changed: Collection[str] | None,
 ) -> list[Finding]:
-    """Find what is wrong with all rows, or with how measurements and commands go together.
+    """Return findings about all rows, and about the relation of measurements to commands.
 
-    `changed` are those steps of a mend that change delays, None before any; `late_of` finds these, None where they are
-    known already.
+    `changed` are steps of a correction that affect delays (None without correction); `late_of` finds delays (None if
+    they are known).
     """
     log, far = within_reason(log, robot)
     ranges = ([] if trained is None else trained_findings(log, trained)) or range_findings(log, robot)
@@ -185,20 +182,20 @@ def _relation(
     late_of: Callable[[Pairs, Integers], list[Finding]] | None,
     changed: Collection[str] | None,
 ) -> list[Finding]:
-    """Find what is wrong between measurements and commands, each under its first cause, but of joints known `wrong`."""
+    """Return findings about measurements against commands, each with its first cause, except of joints in `wrong`."""
     turns, pairs = turn_findings(pairs)
     place = joints_in_place(pairs)
     still, stuck = sensor_findings(pairs, place)
-    # a sensor that stands still is delayed more and more
+    # rows where a sensor stands still would look like a growing delay
     moving = replace(pairs, log=replace(pairs.log, ok=pairs.log.ok & ~stuck)) if stuck.any() else pairs
     late = [] if late_of is None else late_of(moving, place)
     swapped, single = correspondence_findings(pairs, place)
-    if swapped or single:  # sums of joints, and columns of others, lie unlike times behind
+    if swapped or single:  # swapped or mixed columns seem to have different delays
         late = [finding for finding in late if not finding.joints]
     in_step = changed is not None and not {"clock", "delay", "shift"}.isdisjoint(changed)
     if not in_step and any(finding.refuses and finding.name == "delay" for finding in late):
-        return [*swapped, *turns, *late]  # rows out of step follow nothing, and their slopes mean nothing
-    # slopes and leaps of columns of another scale, or of another joint, mean nothing either
+        return [*swapped, *turns, *late]  # slopes of delayed rows mean nothing
+    # nor do slopes and leaps of columns of another scale or joint
     parted = {joint for finding in single if finding.refuses and finding.name == "mixed" for joint in finding.joints}
     first = [*single, *(finding for finding in slope_findings(pairs, place) if parted.isdisjoint(finding.joints))]
     wrong = {*wrong, *(joint for finding in first for joint in finding.joints)}
@@ -212,11 +209,10 @@ def _relation(
 
 
 def robot_of(logs: Sequence[MotionLog], robot: str | None = None) -> RobotModel | None:
-    """Return the robot of recordings: the one named, or theirs in the catalogue; None if unknown.
+    """Return the robot model of recordings, None if unknown.
 
     Args:
-        logs: Recordings.
-        robot: Catalogue name or file.
+        logs, robot: Recordings, and catalogue name or file of their robot; the recordings state it if None.
     """
     if robot is not None and (robot in robot_names() or Path(robot).is_file()):
         return load_robot(robot)
@@ -226,10 +222,10 @@ def robot_of(logs: Sequence[MotionLog], robot: str | None = None) -> RobotModel 
 
 
 class Passed(NamedTuple):
-    """What there is to say of recordings that may be used, and the delay of their measurements."""
+    """Notes on accepted recordings, and the delay of each one's measurements (None if unknown)."""
 
     notes: list[str]
-    delays: list[Delay | None]  # of each; None where it is not known
+    delays: list[Delay | None]
 
 
 def verdict(
@@ -243,17 +239,13 @@ def verdict(
     done: str = "fitted",
     delays: Sequence[KnownDelays] | None = None,  # of each; see `judged`
 ) -> Passed:
-    """Refuse recordings that must not be fitted or tested on; return the results of the others.
+    """Refuse recordings with findings that forbid a fit or a test; return notes and delays.
 
     Args:
-        logs: Recordings.
+        logs, robot, max_error, trained, delays: See `judged`; `delays` of each recording.
         accept: Names of findings to continue despite.
-        robot: Robot, whose limits positions are compared with.
-        max_error: Rows with larger errors are left out, (n,) [rad|m].
-        testing: Whether they are tests, which may be short.
-        trained: Lowest and highest positions in training (n,) each.
-        done: What is done with them, for messages.
-        delays: Known delays of each; see `judged`.
+        testing: The recordings are tests, which may be short.
+        done: Verb for messages.
 
     Raises:
         DataError: A finding is not accepted.
@@ -272,18 +264,10 @@ def verdict(
 
 
 def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept: Collection[str] = ()) -> list[str]:
-    """Refuse tests with rows of the training, to seven digits, whatever their file is called.
+    """Refuse test recordings that share rows with the training, to seven digits; return notes on accepted findings.
 
     Args:
-        train: Recordings that are fitted.
-        test: Recordings that are tested on.
-        accept: Names of findings to continue despite.
-
-    Returns:
-        Notes on accepted findings.
-
-    Raises:
-        DataError: A finding is not accepted.
+        train, test, accept: Recordings of each, and names of findings to continue despite.
     """
     found = []
     for log in test:
@@ -301,9 +285,9 @@ def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept:
 
 
 def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
-    """Note minutes that are in the data twice, to seven digits: a fit then sees blocks that are left out."""
+    """Return notes on duplicated segments, to seven digits, which leak held-out blocks into a fit."""
     hashes, where = [], []
-    sample = np.uint64(1 + sum(map(len, logs)) // _MAX_HASHES)  # of what they are: copies are sampled alike
+    sample = np.uint64(1 + sum(map(len, logs)) // _MAX_HASHES)  # sampled by value, so that copies are sampled alike
     for number, log in enumerate(logs):
         if log.q_encoder is not None or log.tau is not None:
             of_row = log.row_hashes[log.ok]
@@ -335,14 +319,14 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     return found
 
 
-_MIN_ROWS = 40  # measured: fewer cannot be parted into blocks that say how well a model does on others
-_MIN_DURATION_S = 5.0  # [s] in which no arm visits a workspace
+_MIN_ROWS = 40  # least measured rows that can be split into blocks for cross-validation
+_MIN_DURATION_S = 5.0  # [s] too short for an arm to visit its workspace
 # a wrist's cables run along its other joint: moving one alone turns the other by 16 deg on a real arm
-_MOVED_BY_OTHERS_DEG_MM = {"rad": 20.0, "m": 10.0}  # [deg, mm] beyond which a measurement has a command of its own
+_MOVED_BY_OTHERS_DEG_MM = {"rad": 20.0, "m": 10.0}  # [deg, mm] largest motion of a joint by other joints' commands
 
 
 def extent_findings(log: MotionLog) -> Iterator[Finding]:
-    """Find recordings with too little in them, and columns that never change."""
+    """Find recordings that are too short, and columns that never change."""
     measured = int(log.ok.sum()) if log.q_encoder is not None else len(log)
     if log.q_encoder is not None and not measured:
         yield Finding("short", (), "ok is set on no row: nothing was measured")

@@ -14,8 +14,8 @@ from catenary.verdict.pairs import Pairs, behind_slack
 _CLEAR_RATIO = 3.0
 _MIN_UNEXPLAINED = 1e-3  # unexplained share that counts as none: a smaller one says nothing more
 _MIN_CORRELATION = 0.5  # least correlation, of either sign, of a measurement that follows its command
-_SAME_SPREAD_RATIO = 0.5  # spread of a measurement over that of its command, from which on it moves on its own
-_MIN_SLOPE, _MAX_UNEXPLAINED = 0.25, 0.5  # from which on a measurement follows its command behind slack
+_SAME_SPREAD_RATIO = 0.5  # spread of a measurement over that of its command, from which it moves on its own
+_MIN_SLOPE, _MAX_UNEXPLAINED = 0.25, 0.5  # from which a measurement follows its command with slack
 _MIN_SPREAD_DEG_MM = 1.0  # [deg, mm] of a motion from which a correlation is significant
 _NEAR_DEG_MM = 0.5  # [deg, mm] distance between command and measurement below which nearer is no better
 # of the rows, on which a measurement is its command to the last bit: no sensor agrees so well on one

@@ -1,18 +1,17 @@
 """The delay between commands and measurements, with an interval, separated from the hysteresis of cables.
 
-Each joint's measurement is explained by what a cable-driven joint does at any speed: a smooth function of all commands,
-and play states of its own command (Prandtl-Ishlinskii) with weights that are not negative, for friction holds a joint
-back and never pushes it ahead. The same explanation is tried with commands read a time d earlier, for every d. What is
-left unexplained, RSS_j(d), is least where the clocks agree, and one clock is common to all joints:
+Each joint's measurement is modelled as a cable-driven joint at any speed: a smooth function of all commands, plus play
+states of its own command (Prandtl-Ishlinskii) with non-negative weights, as friction holds a joint back and never
+pushes it ahead. The model is fitted with commands read a time d earlier, for every d. The residual sum of squares
+RSS_j(d) is least where the clocks agree, and all joints share one clock:
 
     T(d) = -LOOKS/2 sum_j log RSS_j(d)
 
-LOOKS is no number of rows, whose errors are the explanation's and not noise: it is how many independent looks a joint
-is worth, set by how far joints of untouched real recordings stray, and no more than joints turn, since between turns
-a cable's slack looks like a delay. An interval is where T is within z^2/2 of its best.
-It widens by itself where joints disagree, where motion is slow, and where hysteresis explains as much. Where each joint
-may choose between two delays, and T gains z^2/2 by that, their sensors have clocks of their own. Where a delay that
-changes evenly along the recording gains as much, the two clocks run apart.
+LOOKS is the number of independent observations of a joint (not of rows, whose errors are model errors and not noise).
+It is set by the scatter of joints in real recordings, and is at most the number of reversals, since between reversals
+a cable's slack looks like a delay. The interval contains delays with T within z^2/2 of its maximum. It is wide if
+joints disagree, if motion is slow, or if hysteresis explains as much. If a choice of two delays per joint gains z^2/2,
+the sensors have separate clocks. If a delay that changes evenly along the recording gains as much, the clocks drift.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,47 +37,47 @@ from catenary.verdict.pairs import (
 )
 
 LOOKS = 6.0
-CERTAIN_SIGMAS, _LIKELY_SIGMAS = 3.0, 2.0  # deviations of the interval, and of a note
-_REACH_S, _REACH_ROWS = 1.0, 6.0  # looked for within: [s], or rows where there are no stamps; at least two rows
+CERTAIN_SIGMAS, _LIKELY_SIGMAS = 3.0, 2.0  # standard deviations of the interval, and of a note
+_REACH_S, _REACH_ROWS = 1.0, 6.0  # search range: [s], or rows without stamps; at least two rows
 _SCANNED_ROWS = 400
-_TABLED_ROWS = 20_000  # rows of a recording whose columns are all made at once: each is asked for many times
-_COARSE_DELAYS = 12  # delays on either side that are tried first, at most; whole rows where these are farther apart
+_TABLED_ROWS = 20_000  # longest recording whose columns are all computed in advance, as each is used many times
+_COARSE_DELAYS = 12  # most delays on each side of the first search; whole rows if these are farther apart
 _OUTLIER_SIGMAS = 10.0  # robust deviations of the error beyond which rows are left out
 _BLOCKS = 8
 _NO_CHANGE = 0.0, 0.0, 0.0
-TOLERANCE_S, _TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: delays below are none; half a row where there are no stamps
-_RESOLUTION_DEG_MM = 1e-3  # [deg, mm] below which nothing is left unexplained
-APART_S, APART_ROWS = 0.08, 2.0  # [s], rows by which joints must differ: slack of an odd law looks like less
-# [s], rows: wider intervals of one joint tell nothing; narrower ones hide nothing
+TOLERANCE_S, _TOLERANCE_ROWS = 0.005, 0.05  # [s], rows: smaller delays count as none; half a row without stamps
+_RESOLUTION_DEG_MM = 1e-3  # [deg, mm] residual below which a fit is perfect
+APART_S, APART_ROWS = 0.08, 2.0  # [s], rows: least difference of joints' delays, as unmodelled slack causes less
+# [s], rows: an interval of one joint that is wider is uninformative; one that is narrower determines the delay
 _UNTOLD, SHARP = {"s": 0.5, "rows": 6.0}, {"s": 0.05, "rows": 1.0}
-_PAUSE_STEPS = 4.0  # steps between rows across which nothing is read
-_CHANGE_SIGMAS = 4.0  # deviations by which a change along the recording must stand out
-_DESCENTS = 6  # of offset and change in turn, each this much finer than the one before
+_PAUSE_STEPS = 4.0  # step in median steps from which a pause is not interpolated
+_CHANGE_SIGMAS = 4.0  # standard deviations by which a change along the recording must be significant
+_DESCENTS = 6  # searches over offset and change in turn, each finer by a factor
 _FINER = 0.3
-_STEPS_ASIDE_S = 0.001 * 2.0 ** np.arange(11)  # [s] from the best, between which its interval ends
+_STEPS_ASIDE_S = 0.001 * 2.0 ** np.arange(11)  # [s] distances from the best at which its interval may end
 
 
 @dataclass(frozen=True)
 class Delay:
-    """Delay of measurements behind their commands; negative where they lead."""
+    """Delay of measurements relative to their commands; negative if they lead."""
 
-    seconds: float  # rows where the recording has no stamps; in the middle of the recording where it changes
+    seconds: float  # in rows for a recording without stamps; in the middle of the recording if it changes
     low: float  # of its interval
     high: float
-    sure: Literal["certain", "likely", "none", "unknown"]  # whether there is one
-    change: tuple[float, float, float]  # along the recording, and its interval; zero unless it is certain
+    sure: Literal["certain", "likely", "none", "unknown"]  # evidence for a delay
+    change: tuple[float, float, float]  # along the recording, with its interval; zero unless certain
     unit: Literal["s", "rows"]
-    cost: float = 0.0  # sum of log RSS at the best
-    apart: tuple[tuple[str, float], ...] = ()  # joints and their own delays, where not all have one
-    apart_by: float = 0.0  # deviations by which they stand out
+    cost: float = 0.0  # least sum of log RSS
+    apart: tuple[tuple[str, float], ...] = ()  # joints and their own delays, if these differ
+    apart_by: float = 0.0  # standard deviations of that difference
     median: float = 0.0  # of all joints' own delays
-    alone: tuple[tuple[str, float, float], ...] = ()  # each joint's interval where it had a clock of its own
-    span: float = 0.0  # [s] of the rows that were read
-    middle: float = 0.0  # [s] from the first row of the recording to the middle of these
+    alone: tuple[tuple[str, float, float], ...] = ()  # each joint's interval, if it had its own clock
+    span: float = 0.0  # [s] of the rows used
+    middle: float = 0.0  # [s] from the first row of the recording to the middle of the rows used
 
     @property
     def rate(self) -> tuple[float, float, float]:
-        """By how much it grows in a second, and its interval; 1e-6 for one ppm."""
+        """Change of the delay per second, with its interval; 1e-6 for one ppm."""
         change, low, high = (value / max(self.span, 1e-9) for value in self.change)
         return change, low, high
 
@@ -101,7 +100,7 @@ class Delay:
 
     @property
     def _single(self) -> str:
-        """Return the sentence on delays of one joint alone that the recording leaves open."""
+        """Return the sentence on delays of single joints that the recording does not exclude."""
         most = _UNTOLD[self.unit]
         wide = [joint for joint in self.alone if joint[2] - joint[1] > SHARP[self.unit]]
         ranges = [f"{joint} {low:+.2f} to {high:+.2f}" for joint, low, high in wide if high - low <= most]
@@ -122,17 +121,16 @@ def delay_of(
 
     Args:
         log: The recording, with q_encoder.
-        place: Command that each measurement follows (n,); its own when None.
+        place: Index of the command that each measurement follows (n,); its own if None.
         about: Delay near which to search [s, or rows without stamps].
-        change_sigmas: Significance of a change along the recording: less where two clocks are known to have been at
-            work.
+        change_sigmas: Significance required of a change along the recording; smaller if two clocks were used.
     """
     assert log.q_encoder is not None
     in_time = log.time is not None
     reach, rows = reach_of(log)
     step = reach / rows if rows else 0.0
     t = np.arange(len(log), dtype=float)
-    if log.time is not None:  # stamps never go back: what follows such a step, another recording, begins after a pause
+    if log.time is not None:  # a step back in stamps, to another recording, becomes a pause
         steps = np.diff(log.time, prepend=log.time[:1])
         t = np.cumsum(np.where(steps < 0.0, 2.0 * _PAUSE_STEPS * step, steps))
     inside = log.ok & _unbroken(t, step, about, reach)
@@ -165,7 +163,7 @@ def delay_of(
     alone = []
     for i, cost, each in zip(joints, costs[:, :, 0], own_worth, strict=True):
         first, last = _interval(grid, cost, CERTAIN_SIGMAS**2 / each)
-        # the delay of all is every joint's, too, until joints are separated
+        # a joint's interval includes the common delay
         alone.append((log.joint_names[i], min(first, low), max(last, high)))
     near_low, near_high = _interval(grid, total, _LIKELY_SIGMAS**2 / worth)
     sure: Literal["certain", "likely", "none"] = "none"
@@ -182,7 +180,7 @@ def delay_of(
             sure = "certain" if max(low, -high) > tolerance else "none"
     own, gains = _apart(grid, costs[:, :, 0], max(APART_S, 4.0 * tolerance) if in_time else APART_ROWS)
     apart_by, fine = float(np.sqrt(worth * gains.sum())), between / 10.0 * np.arange(-10, 11)
-    apart_by *= not change[0]  # what runs apart lies unlike times behind, too
+    apart_by *= not change[0]  # drifting clocks look like different delays
     of_joints = zip(joints, looks, own, worth * gains, strict=True) if apart_by > _LIKELY_SIGMAS else ()
     apart = [(log.joint_names[i], float(d + fine[look.costs(d + fine)[:, 0].argmin()]))
              for i, look, d, z2 in of_joints if z2 > 1.0]  # fmt: skip
@@ -202,7 +200,7 @@ def reach_of(log: MotionLog) -> tuple[float, float]:
 
 
 def _unbroken(t: Floats, step: float, about: float, reach: float) -> Flags:
-    """Return rows from which every delay looked for stays between two pauses, (N,)."""
+    """Return flags (N,) of rows for which every delay in the search range stays between two pauses."""
     cuts = np.flatnonzero(np.diff(t) > _PAUSE_STEPS * step)
     part = np.searchsorted(cuts, np.arange(len(t)), side="left")
     first, last = np.r_[0, cuts + 1], np.r_[cuts, len(t) - 1]
@@ -212,18 +210,18 @@ def _unbroken(t: Floats, step: float, about: float, reach: float) -> Flags:
 
 
 class _Motion(NamedTuple):
-    """What all joints are looked at by."""
+    """Motion shared by all joints' fits."""
 
     q: Floats  # (N, n) commands [deg, mm]
     t: Floats  # (N,) rising [s], or rows
-    moved: list[int]  # joints
-    inside: Flags  # (N,) rows that are read
+    moved: list[int]  # joints that move
+    inside: Flags  # (N,) rows used
     block: NDArray[np.int8]  # (N,)
     in_time: bool
 
 
 class _JointLook:
-    """One joint's explanation, and its rows without outliers."""
+    """The fit of one joint, on its rows without outliers."""
 
     def __init__(self, motion: _Motion, seen: Floats, own: int, coarse: Floats) -> None:
         q, inside, self.t, self.y, self.block = motion.q, motion.inside, motion.t, seen, motion.block
@@ -249,7 +247,7 @@ class _JointLook:
         self.rows = rows
 
     def unexplained(self, rows: Integers, d: float | Floats) -> Floats:
-        """Return the residual of some rows when commands are read a time d earlier; each block has its zero."""
+        """Return the residual of some rows with commands read a time d earlier; each block has its own offset."""
         from scipy.optimize import nnls
 
         s = self.t[rows] - d
@@ -272,7 +270,7 @@ class _JointLook:
         return left
 
     def costs(self, delays: Floats) -> Floats:
-        """Return logarithms of unexplained variance, of all rows and of each block's (delays, 1 + _BLOCKS)."""
+        """Return the log residual variance of all rows and of each block's (delays, 1 + _BLOCKS)."""
         b = self.block[self.rows]
         n = np.maximum(np.bincount(b, minlength=_BLOCKS), 1)
         squares = [self.unexplained(self.rows, d) ** 2 for d in delays]
@@ -282,7 +280,7 @@ class _JointLook:
 
 
 def _scan(looks: Sequence[_JointLook], coarse: Floats, step: float) -> tuple[Floats, Floats]:
-    """Return delays, dense about the best, and costs there (joints, delays, 1 + _BLOCKS): steps, .1 and .01 of one."""
+    """Return delays and their costs (joints, delays, 1 + _BLOCKS), in steps of 1, .1 and .01 towards the best."""
     grids, costs = [coarse], [np.stack([look.costs(coarse) for look in looks])]
     for reach, fine in ((12, 10), (9, 100)):
         best = grids[-1][int(np.argmin(costs[-1][:, :, 0].sum(axis=0)))]
@@ -293,7 +291,7 @@ def _scan(looks: Sequence[_JointLook], coarse: Floats, step: float) -> tuple[Flo
 
 
 def _interval(x: Floats, cost: Floats, above: float) -> tuple[float, float]:
-    """Return the outermost places at which a cost, linear between x, is that much above its least."""
+    """Return the outermost x at which a cost, linearly interpolated, exceeds its minimum by `above`."""
     level = cost.min() + above
     inside = np.flatnonzero(cost <= level)
     a, b = inside[0], inside[-1]
@@ -303,7 +301,7 @@ def _interval(x: Floats, cost: Floats, above: float) -> tuple[float, float]:
 
 
 def _apart(grid: Floats, costs: Floats, least: float) -> tuple[Floats, Floats]:
-    """Return joints' delays of two `least` apart, and what each gains over one of all, from (joints, delays)."""
+    """Return each joint's delay of two that differ by `least`, and its gain over one; costs (joints, delays)."""
     pairs = np.minimum(costs[:, :, None], costs[:, None, :]).sum(axis=0)
     near = (np.abs(grid[:, None] - grid) < least) & ~np.eye(len(grid), dtype=bool)
     pairs = np.where(near, np.inf, pairs)  # one delay of all remains a choice
@@ -314,10 +312,10 @@ def _apart(grid: Floats, costs: Floats, least: float) -> tuple[Floats, Floats]:
 
 
 class _Clocks:
-    """Delays that grow evenly along the recording, by the cost that one delay is found by."""
+    """Delays that change evenly along the recording, with the same cost as for a constant delay."""
 
     def __init__(self, looks: Sequence[_JointLook], middle: float, span: float, certain: float) -> None:
-        """Take what joints are looked at by, when, and how much cost above the best is `certain` not to be chance."""
+        """Set the joints' fits, the time span [s], and the cost above the minimum that is `certain`."""
         self._looks, self._middle, self._span, self._certain = looks, middle, span, certain
 
     def cost(self, delay: float, change: float, most: int = MAX_EXPLAINED_ROWS) -> float:
@@ -332,7 +330,7 @@ class _Clocks:
     def run_apart(
         self, delay: float, along: Floats, reach: float, sigmas: float
     ) -> tuple[float, tuple[float, float, float]]:
-        """Return the delay in the middle, and its change with an interval, zero unless it is certain."""
+        """Return the delay in the middle, and its change with an interval (zero unless certain)."""
         from scipy.stats import theilslopes
 
         slope, level, *_ = theilslopes(along, np.linspace(-0.5, 0.5, len(along)))
@@ -345,7 +343,7 @@ class _Clocks:
             return delay, _NO_CHANGE
         one = self.cost(delay, 0.0)
         _, middle, change = self._descent(*starts[int(np.argmin(few))], reach / 2.0)
-        # motion that repeats itself hides whole periods where a change is taken for none
+        # with periodic motion, a search without a change may be off by whole periods
         others = middle + np.linspace(-reach, reach, 4 * _COARSE_DELAYS + 1)
         again = others[np.argmin([self.cost(other, change, _SCANNED_ROWS) for other in others])]
         cost, middle, change = self._descent(float(again), change, reach / 2.0)
@@ -355,12 +353,12 @@ class _Clocks:
         return middle, (change, change + low, change + high)
 
     def interval(self, delay: float, change: float) -> tuple[float, float]:
-        """Return the interval of a delay that changes."""
+        """Return the interval of a changing delay."""
         low, high = self._around(lambda aside: self.cost(delay + aside, change))
         return delay + low, delay + high
 
     def _descent(self, delay: float, change: float, reach: float) -> tuple[float, float, float]:
-        """Return the least cost near a start, and where it is."""
+        """Return the least cost near a start, with its delay and change."""
         width = reach
         for turn in range(_DESCENTS):
             most = MAX_EXPLAINED_ROWS if turn > 1 else _SCANNED_ROWS
@@ -371,6 +369,6 @@ class _Clocks:
         return self.cost(delay, change), delay, change
 
     def _around(self, cost: Callable[[float], float]) -> tuple[float, float]:
-        """Return the interval about zero in which a cost is not certainly above that at zero."""
+        """Return the interval about zero in which a cost is not significantly above its value at zero."""
         asides = np.r_[-_STEPS_ASIDE_S[::-1], 0.0, _STEPS_ASIDE_S]
         return _interval(asides, np.array([cost(aside) for aside in asides]), self._certain)

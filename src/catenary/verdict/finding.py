@@ -1,4 +1,4 @@
-"""What a check of a recording found, and what becomes of it: refused, accepted by name, or a note."""
+"""Findings of the checks of a recording, which refuse it, are accepted by name, or are notes."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Recordings mended: other units, columns in another order, signs, delays, as options say it."""
+"""Corrections of recordings by options: units, swapped columns, signs, scales, offsets, delays."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -21,38 +21,38 @@ _NEEDS = dict.fromkeys(("shift", "delay", "clock"), "q_encoder") | {"time_unit":
 MEND_KEYS = (
     r"^(shift|delay|time_unit|(units|swap|sign|unwrap|scale|offset|couple)(:(q_nominal|q_encoder|q_reported|qd|tau))?)$"
 )
-AS_TRAINED = "corrected as the model's training data"  # how a note on them opens
-_MAX_PPM = 1e5  # of one clock beside another: no oscillator is that far off
+AS_TRAINED = "corrected as the model's training data"  # start of a note on such corrections
+_MAX_PPM = 1e5  # difference of two clocks that no oscillators reach
 _TIME_UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "ks": 1e3}
 
 
 @dataclass(frozen=True)
 class Mend:
-    """What to change of recordings before they are used; texts are as the command's options."""
+    """Corrections to recordings before use; texts as in the command's options."""
 
     # "deg,deg,mm": a unit per joint (rad, deg, m, mm, cm, or mdeg for metres times 180/pi) of positions and velocities;
     # "q_encoder:deg,deg,mm" of one array
     units: tuple[str, ...] = ()
-    swap: tuple[str, ...] = ()  # "J1,J2" each, in turn: these columns of q_encoder; "tau:J1,J2" of another array
-    sign: tuple[str, ...] = ()  # "J3" each: the column of q_encoder changes its sign; "tau:J3" of another array
-    unwrap: tuple[str, ...] = ()  # "J5=0.0022" each: the whole periods that q_encoder is from q_nominal come off
-    scale: tuple[str, ...] = ()  # "J3=0.5" each: the column of q_encoder times that; "tau:J3=0.5" of another array
-    offset: tuple[str, ...] = ()  # "q_nominal:J3=0.1" each: add that to the column [rad, m, Nm or N]
+    swap: tuple[str, ...] = ()  # "J1,J2" each: swap these columns of q_encoder, in turn; "tau:J1,J2" of another array
+    sign: tuple[str, ...] = ()  # "J3" each: negate this column of q_encoder; "tau:J3" of another array
+    unwrap: tuple[str, ...] = ()  # "J5=0.0022" each: subtract whole periods by which q_encoder differs from q_nominal
+    scale: tuple[str, ...] = ()  # "J3=0.5" each: multiply this column of q_encoder; "tau:J3=0.5" of another array
+    offset: tuple[str, ...] = ()  # "q_nominal:J3=0.1" each: add to this column [rad, m, Nm or N]
     delay: float = 0.0  # delay of the measurement [s]
-    # "J2/J1=0.145" each: the column of J2 becomes itself and 0.145 times that of J1 as recorded; "tau:J1/J2=-0.145"; of
-    # q_nominal, qd and q_reported go with it
+    # "J2/J1=0.145" each: add 0.145 times the recorded column of J1 to that of J2; "tau:J1/J2=-0.145" of another array;
+    # with q_nominal, qd and q_reported are coupled too
     couple: tuple[str, ...] = ()
-    # "0.73,50": by which it does at the first row [s], and by how much that grows [ppm]: the sensor's clock is fast
+    # "0.73,50": lead of the sensor's clock at the first row [s], and its growth [ppm]
     clock: tuple[str, ...] = ()
-    shift: int = 0  # rows by which it does, of a recording without stamps
+    shift: int = 0  # delay of the measurement in rows, of a recording without stamps
     time_unit: str = "s"  # of the stamps: s, ms, us, ns, min or ks
-    leave_out: tuple[str, ...] = ()  # "100:120" each: rows 100 to 119 are not trusted
+    leave_out: tuple[str, ...] = ()  # "100:120" each: leave out rows 100 to 119
 
     def __call__(self, log: MotionLog, trained: Mapping[str, Sequence[str]] | None = None) -> MotionLog:
-        """Return the log, mended; its notes say how, and `settled` holds every step that was taken.
+        """Return the corrected log; its notes and `settled` state every step.
 
-        A step of `trained`, of recordings that a model was fitted to, is left out where this mend takes such a step of
-        that array, where the log's `settled` has it (taken before, or stated), and where the log lacks the array.
+        A step of `trained`, the corrections of a model's training data, is skipped if this mend or the log's `settled`
+        has such a step for that array, or if the log lacks the array.
         """
         own = [(step, text, False) for step, text in self._steps()]
         taken = {_settled(log, step, text)[0] for step, text, _ in own} | set(log.settled)
@@ -74,7 +74,7 @@ class Mend:
         return replace(log, notes=(*log.notes, *said), settled=settled) if said else log
 
     def _steps(self) -> list[tuple[str, str]]:
-        """Return every step that it takes, and its text."""
+        """Return every step with its text."""
         given = {step: getattr(self, step) for step in _STEPS}
         given |= {
             "delay": (f"{self.delay:g}",) * bool(self.delay),
@@ -85,11 +85,11 @@ class Mend:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """The words of a command line that ask for it."""
+        """Words of a command line that request this correction."""
         return tuple(word for step, text in self._steps() for word in (f"--{step.replace('_', '-')}", text))
 
     def and_then(self, remedy: str) -> "Mend | None":
-        """Return a mend that also does what an option such as "--delay 0.12" asks; None where that is none of ours."""
+        """Return this correction with an option such as "--delay 0.12" added; None if it is no correction."""
         option, _, text = remedy.removeprefix("--").partition(" ")
         step = option.replace("-", "_")
         if step not in _STEPS or not text:
@@ -107,17 +107,17 @@ class Mend:
 NO_MEND = Mend()
 
 
-_OF_ONE = "leave_out", "clock"  # steps that are of one recording alone
+_OF_ONE = "leave_out", "clock"  # steps that apply to one recording only
 
 
 def mends_of(logs: Sequence[MotionLog]) -> dict[str, tuple[str, ...]]:
-    """Return the mends that recordings have in common, but for those of one alone: what their like will need."""
+    """Return the corrections common to recordings, which similar ones will need, except steps for one recording."""
     common = [key for key, texts in logs[0].settled.items() if all(log.settled.get(key) == texts for log in logs)]
     return {key: logs[0].settled[key] for key in common if logs[0].settled[key] and key not in _OF_ONE}
 
 
 def _settled(log: MotionLog, step: str, text: str) -> tuple[str, str]:
-    """Return the key of a step in `settled`, and its text as it holds for recordings in another order."""
+    """Return the key of a step in `settled`, and its text with joints by name, for recordings in another order."""
     array, words = units_of(text)
     if step == "units":
         words = tuple(w if "=" in w else f"{n}={w}" for n, w in zip(log.joint_names, words, strict=False))
@@ -131,7 +131,7 @@ def _default(log: MotionLog) -> str:
 
 
 def si_units(units: Sequence[str]) -> tuple[str, ...]:
-    """Return rad or m for each unit that positions may be in."""
+    """Return rad or m for each unit of positions."""
     unknown = [unit for unit in units if unit not in TO_SI]
     if unknown:
         raise InputError(f"units: unknown {', '.join(unknown)}; choices: {', '.join(TO_SI)}")
@@ -139,7 +139,7 @@ def si_units(units: Sequence[str]) -> tuple[str, ...]:
 
 
 def units_of(text: str) -> tuple[str | None, tuple[str, ...]]:
-    """Return the array that an option such as `--units` names, if any, and the words behind it."""
+    """Return the array that an option such as `--units` names, if any, and the words that follow."""
     array, _, rest = text.partition(":")
     # a joint's name may hold a colon of its own
     words = tuple(word.strip() for word in (rest if array in _ARRAYS else text).split(","))
@@ -231,7 +231,7 @@ def _couple(log: MotionLog, text: str) -> MotionLog:
 
 
 def _numbers(text: str, option: str, expected: str) -> tuple[str | None, dict[str, float]]:
-    """Return the array that an option names, and its numbers by joint, none of them zero."""
+    """Return the array that an option names, and its non-zero numbers by joint."""
     array, parts = units_of(text)
     numbers = {}
     for part in parts:
@@ -265,7 +265,7 @@ def _delay(log: MotionLog, text: str) -> MotionLog:
 
 
 def clock_of(text: str) -> tuple[float, float]:
-    """Read how far one clock is ahead of another at first [s], and how fast it is beside it (1e-6 for one ppm)."""
+    """Return the lead of one clock over another at first [s], and its rate of growth (1e-6 for one ppm)."""
     words = text.split(",")
     try:
         ahead, ppm = float(words[0]), float(words[1]) if words[1:] else 0.0
@@ -284,7 +284,7 @@ def _clock(log: MotionLog, text: str) -> MotionLog:
 
 
 def _later(log: MotionLog, time: Floats, by: float | Floats, option: str) -> MotionLog:
-    """Read measurements that much later, between neighbouring rows that were measured."""
+    """Return the log with measurements read `by` [s, or rows] later, interpolated between measured neighbours."""
     whose = f'recording "{log.name}": {option}'
     if log.q_encoder is None:
         raise InputError(f"{whose}: it has no measured joint positions")
@@ -306,7 +306,7 @@ def _later(log: MotionLog, time: Floats, by: float | Floats, option: str) -> Mot
 
 
 def retimed_by(log: MotionLog) -> float:
-    """Return by how much measurements were read later, seconds, or rows of a log without time."""
+    """Return the correction of delay that was applied [s, or rows of a log without time]."""
     step = "shift" if log.time is None else "delay"
     return sum(map(float, log.settled.get(step, ())))
 
@@ -335,12 +335,12 @@ def _leave_out(log: MotionLog, text: str) -> MotionLog:
     if log.q_encoder is None:
         return replace(log, ok=ok)
     measured = log.q_encoder.copy()
-    measured[~log.ok] = np.nan  # so that what was left out stays known from what was not measured
+    measured[~log.ok] = np.nan  # to distinguish rows left out from rows not measured
     return replace(log, ok=ok, q_encoder=measured)
 
 
 def left_out_rows(log: MotionLog) -> Flags:
-    """Return rows that were measured, and left out as asked, (N,)."""
+    """Return flags (N,) of measured rows that were left out by an option."""
     rows = np.zeros(len(log), dtype=bool)
     for part in (part for text in log.settled.get("leave_out", ()) for part in text.split(",")):
         first, _, last = part.partition(":")
@@ -348,7 +348,7 @@ def left_out_rows(log: MotionLog) -> Flags:
     return rows & ~log.ok & (False if log.q_encoder is None else np.isfinite(log.q_encoder).all(axis=1))
 
 
-# units first: scales and shifts are of what is meant; signs and scales name joints as they stand after the swaps; rows
-# that stand still are found among measurements that were brought into time
+# units first, as scales and offsets are in SI; signs and scales name joints after swaps; rows are left out last, as
+# findings about rows are made after the correction of delays
 _IN_ORDER = (_units, _time_unit, _swap, _sign, _unwrap, _scale, _offset, _couple, _clock, _delay, _shift, _leave_out)
 _STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {step.__name__.strip("_"): step for step in _IN_ORDER}

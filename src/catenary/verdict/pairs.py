@@ -183,7 +183,7 @@ def reversals_of(command: Floats) -> int:
 PLAY_RADII = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)
 FINE_RADII = (0.001, 0.002, 0.004, 0.007, 0.012, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.2)
 _ROUNDING_DEG_MM, _WIDER_RATIO = 1e-6, 1.5
-_FOLLOWS_SHARE = 0.5  # share of a joint's full motion from which on it counts as following its command
+_FOLLOWS_SHARE = 0.5  # share of a joint's full motion from which it counts as following its command
 TRIM_SIGMAS = 6.0  # robust deviations of what is unexplained, beyond which rows are left out
 MAX_EXPLAINED_ROWS, MIN_EXPLAINED_ROWS = 1000, 80
 
@@ -226,7 +226,7 @@ class Explanation:
 
 
 class Hysteresis(NamedTuple):
-    """What one joint shows, in deg or mm; NaN where it moves too little, or was not measured."""
+    """What one joint shows, in deg or mm; NaN if it moves too little, or was not measured."""
 
     loop: float  # width between both ways
     slack: float  # travel of the command after a reversal until the joint follows it

@@ -16,7 +16,7 @@ from catenary.verdict.pairs import OUTLIER_SIGMAS, Pairs, outliers, play, scales
 _SLACK_RATIO = 1.5  # times that far a command moves before a measurement that repeats itself is stuck
 _RANGE_SHARE = 0.1  # of a command's range that it moves too: a coarse encoder repeats itself in slow motion
 _MIN_STUCK_ROWS = 10  # of such a stretch
-_MIN_RANGE_DEG_MM = 5.0  # [deg, mm] of a command from which on a measurement must move with it
+_MIN_RANGE_DEG_MM = 5.0  # [deg, mm] of a command from which a measurement must move with it
 _FROZEN_COMMAND_SHARE = 0.6  # of a command's range, passed while the measurement all but stands
 _FROZEN_MOTION_SHARE = 0.03  # of the command's motion that counts as standing: no slack takes 97 % of so long a way
 _WINDOW_ROWS = (20, 100, 400)  # rows
@@ -34,7 +34,7 @@ _MISSING_SHARE = 0.03  # of the rows without a measurement: fewer hide little
 _SHARP_RATIO = 1.2
 # of pairs of a row with a measurement and one without, that motion tells apart; chance is half
 _SEPARATED_SHARE = 0.75
-_ABSENT_STEPS = 1.75  # usual steps between stamps, from which on rows are absent between
+_ABSENT_STEPS = 1.75  # usual steps between stamps, from which rows are absent between
 _SMOOTH_SHARE = 0.5  # share of the way between rows that these may be off a straight line, for absent ones to lie there
 _TINY_COMMAND_SI = 1e-6  # [rad, m] of a command that is not zero
 _CATCH_UP_RATIO = 1.5  # times a command's step, by which the reading after a held one steps; not so behind slack

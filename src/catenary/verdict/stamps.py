@@ -7,14 +7,14 @@ from catenary.verdict.delay import Delay
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import scales
 
-_MOVED_DEG_MM = 5.0  # [deg, mm] range from which on a joint's speed is looked at
+_MOVED_DEG_MM = 5.0  # [deg, mm] range from which a joint's speed is looked at
 _MAX_CROSSING_S = 600.0  # [s] for the fastest joint to cross its range at its median speed; slow real ones need 10
 _MAX_STEP_S = 60.0  # [s] a median step that no recording has
 _MAX_SPEEDS = {"rad": 3000.0, "m": 10000.0}  # [deg/s, mm/s] that no arm reaches; RAVEN-II's tool turns at 500
 _MIN_PART_ROWS = 20  # median length of the parts between stamps that go back: joined recordings are longer
 _REPEATED_SHARE = 0.01  # share of rows with a stamp that was there before: messages that came twice are fewer
 _LEAPING_SHARE = 0.1  # of rows, on which commands change, of a staircase
-_MIN_STEPS_BACK = 4  # from which on that is asked: a clock may be set once or twice
+_MIN_STEPS_BACK = 4  # from which that is asked: a clock may be set once or twice
 
 
 def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:

@@ -14,7 +14,7 @@ TURN = 2.0 * np.pi
 _NEAR_TURNS = 0.1  # of a turn by which a step from end to end differs from a whole turn at most
 # of a turn: nearly all other steps are smaller, or poses are too far apart to tell how they were reached
 _SMALL_TURNS = 0.1
-_ALIKE_LENGTH = 0.8  # mean resultant length of errors from which on measurement and command are of one angle
+_ALIKE_LENGTH = 0.8  # mean resultant length of errors from which measurement and command are of one angle
 _MAX_TURNS = 2  # turns that are taken off: more are rather degrees
 _FAR_RAD = 1.0  # [rad] from the others of a measurement that is no matter of turns
 

@@ -11,8 +11,8 @@ from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding
 from catenary.verdict.pairs import MOVED_DEG_MM, Pairs, behind_slack, scales
 
-_MIN_CORRELATION = 0.5  # correlation from which on a slope means something
-_MAX_UNEXPLAINED = 0.1  # share of a measurement's variance, from which on that no slope is believed
+_MIN_CORRELATION = 0.5  # correlation from which a slope means something
+_MAX_UNEXPLAINED = 0.1  # share of a measurement's variance, from which that no slope is believed
 # Times what a wrong scale leaves, below which slack, other joints' friction and a slope of cables are the cause.
 # Friction takes motion away (untouched windows of real wrists: 1.9 and less), nothing adds any (1.13 and less).
 _LESS_MOTION_RATIO, _MORE_MOTION_RATIO = 2.5, 1.5

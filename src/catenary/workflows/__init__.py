@@ -1,1 +1,1 @@
-"""What people do with the package, one workflow per file: fit, calibrate, identify, check, export."""
+"""Workflows of the package, one per file: fit, calibrate, identify, check, export."""

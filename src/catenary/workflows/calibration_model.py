@@ -104,7 +104,7 @@ class HeldAgainst:
     model: CalibrationModel
     card: Card
     recordings: Recordings  # of the model's joints, mended as its training data were; limits as asked, or as in its fit
-    accept: tuple[str, ...]  # findings about recordings to go on with, by name
+    accept: tuple[str, ...]  # names of findings about recordings to continue despite
     said: list[str]  # notes on that
 
     @property
@@ -191,8 +191,7 @@ def recording_for(model: CalibrationModel | MotionLog | None, path: Path, readin
     Args:
         model: Model, or recording that a model is fitted to, whose joint names and units hold where the recording
             states none; the recording alone when None.
-        path: The recording.
-        reading: Mapping and corrections.
+        path, reading: The recording, and its mapping and corrections.
 
     Raises:
         FileFormatError: The file is missing or damaged.
@@ -247,7 +246,7 @@ def card_history(paths: Sequence[Path], factor: float = DRIFT_FACTOR) -> DriftFo
 
     Args:
         paths: Models, or cards beside them.
-        factor: Ratio of errors from which on a model counts as drifted.
+        factor: Ratio of errors from which a model counts as drifted.
     """
     cards = [
         json_table(read_bounded(path, MOST_JSON), str(path)) if path.suffix == ".json" else load_model(path)[1]

@@ -1,7 +1,7 @@
-"""Report what a file is and what is wrong with it, on one screen: robot, calibration model, or recording.
+"""Check a file (robot, calibration model, identified dynamics or recording) and report facts and faults on one screen.
 
-Facts are numbers with units for programs (docs/json.md), and lines for people. Positions are in a joint's own `unit`
-(rad, m), errors in its `error_unit` (deg, mm); None: not stated.
+Facts are numbers with units for programs (docs/json.md), and lines of text. Positions are in a joint's `unit` (rad, m),
+errors in its `error_unit` (deg, mm); None means not stated.
 """
 
 import shlex
@@ -54,12 +54,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_FORMAT = "catenary.check.1"  # of what --json prints
-_SCREEN_ROWS = 18  # of a screen of 24, that facts, joints, faults and remarks of two rows share
-_MAX_REMARK_LENGTH = 170  # letters of a remark on it
-Line = tuple[str, str]  # what a fact is called, and what it says
+_FORMAT = "catenary.check.1"  # of the output of --json
+_SCREEN_ROWS = 18  # rows of a screen of 24 for facts, joints, faults and remarks (two rows each)
+_MAX_REMARK_LENGTH = 170  # characters of a remark on the screen
+Line = tuple[str, str]  # name and text of a fact
 _SOUND = "nothing wrong found"
-_DOUBTED_NOTES = ("jump", "drift", "filled", "missing", "units")  # notes by which errors are those of something else
+_DOUBTED_NOTES = ("jump", "drift", "filled", "missing", "units")  # notes that put the errors in doubt
 
 
 @dataclass
@@ -68,23 +68,23 @@ class FileReport:
 
     kind: str  # "robot", "calibration model", "identified dynamics" or a recording
     facts: dict[str, Any] = field(default_factory=dict)
-    lines: list[Line] = field(default_factory=list)  # the facts as people read them
-    faults: list[str] = field(default_factory=list)  # make it unfit for its use, or its numbers doubtful
-    remarks: list[str] = field(default_factory=list)  # worth knowing
-    findings: tuple[Finding, ...] = ()  # about a recording; in words they are faults, or remarks
+    lines: list[Line] = field(default_factory=list)  # the facts as text
+    faults: list[str] = field(default_factory=list)  # problems that make the file unfit or its numbers doubtful
+    remarks: list[str] = field(default_factory=list)  # notes
+    findings: tuple[Finding, ...] = ()  # about a recording, also listed as faults or remarks
     joints: Table | None = None  # of a recording
-    hiding: list[str] = field(default_factory=list)  # what nothing here would show
-    draw: "Callable[[], Figure] | None" = None  # a recording's delay
-    next: str = ""  # the command line to use next, or what else to do
+    hiding: list[str] = field(default_factory=list)  # faults that the recording cannot show
+    draw: "Callable[[], Figure] | None" = None  # plots a recording's delay
+    next: str = ""  # the next command line, or another advice
 
     def tell(self, key: str, fact: Any, text: str | None = None, *, called: str = "") -> None:
-        """Add a fact, and its line in words: the fact itself where it is a text."""
+        """Add a fact, and its line of text (the fact itself if None)."""
         self.facts[key] = fact
         self.lines.append((called or key.replace("_", " "), str(fact) if text is None else text))
 
     @property
     def verdict(self) -> str:
-        """What it comes to, in a sentence."""
+        """Summary in one sentence."""
         if self.faults:
             return f"{len(self.faults)} fault(s) found"
         doubted = [
@@ -97,7 +97,7 @@ class FileReport:
 
     @property
     def shown_remarks(self) -> list[str]:
-        """What a screen has room for; findings that have a line among the facts are not repeated."""
+        """Remarks that fit on a screen, without findings that have a line among the facts."""
         if self.joints is None:
             return self.remarks
         shown = ("units not stated", *(f"{name}: " for name, _ in self.lines))
@@ -118,21 +118,21 @@ class FileReport:
         return {"format": _FORMAT, **content, "findings": findings, "verdict": self.verdict, "next": self.next}
 
 
-_GAP_STEPS = 10.0  # times the median step between stamps
-_MIN_REVERSALS = 6  # of a joint: its slack and hysteresis are hardly shown
+_GAP_STEPS = 10.0  # median steps between stamps above which a step is a gap
+_MIN_REVERSALS = 6  # least reversals of a joint that show its slack and hysteresis
 Limits = tuple[float, ...] | None
 
 
 @dataclass(frozen=True)
 class TypedRecording:
-    """A recording as it was typed, of which the command to use next is made."""
+    """A recording as typed on the command line, from which the next command is composed."""
 
     name: str  # of the file or folder
-    options: tuple[str, ...] = ()  # that say how it is read: its mapping, its robot
-    imports: tuple[str, ...] | None = None  # options of the import that it needs first; None where it needs none
+    options: tuple[str, ...] = ()  # for reading: mapping, robot
+    imports: tuple[str, ...] | None = None  # options of a necessary import; None if none is necessary
 
     def command(self, verb: str, options: Sequence[str], written: str) -> str:
-        """Return the command line that uses it, and writes a file of its name and `written`."""
+        """Return the command line for a verb, with an output named as the recording plus `written`."""
         stem = Path(self.name).with_suffix("").name
         words = ["catenary", verb, self.name, *self.options, *options, "--out", f"{stem}{written}"]
         if self.imports is None:
@@ -152,9 +152,10 @@ def check_recording(
     max_error: Limits = None,
     layout: str = "",
 ) -> FileReport:
-    """Check a recording for calibration, as it was read; the mends that its next command has were tried on it.
-    `source` is where it was read from, a motion log of its name when None; `robot` a name or file, its own when None.
-    Rows beyond `max_error`, per joint in deg and mm, are left out.
+    """Check a recording for calibration; corrections in the next command have been tested on it.
+
+    `source` states how it was read (a motion log of its name if None), `robot` is a name or file (its own if None).
+    Rows with errors beyond `max_error`, per joint in deg and mm, are left out.
     """
     source = source if source is not None else TypedRecording(f"{log.name}.parquet")
     as_read, log = log, mend(log)
@@ -197,7 +198,7 @@ def check_recording(
 
 
 def _tell(found: FileReport, findings: Sequence[Finding]) -> None:
-    """Give delay and outliers lines and facts of their own, and say in the verdict what could hide."""
+    """Add facts and lines on delay and outliers, and the delays that could be hidden to the verdict."""
     delay = next((finding.delay for finding in findings if finding.delay is not None), None)
     found.facts["delay"] = None if delay is None else asdict(delay)
     found.lines += [("delay", finding.says) for finding in findings if finding.name == "delay"]
@@ -212,10 +213,9 @@ def _tell(found: FileReport, findings: Sequence[Finding]) -> None:
 def recording_report(
     kind: str, log: MotionLog, robot: RobotModel | None = None, cured: MotionLog | None = None
 ) -> FileReport:
-    """Return the contents of a recording, without findings.
+    """Return a report of a recording's contents, without findings.
 
-    Joints are compared with the robot's limits; slack and hysteresis are looked for in `cured`, the same recording with
-    every fault mended that can be.
+    Joints are compared with the robot's limits; slack and hysteresis are estimated from `cured`, the corrected log.
     """
     found = FileReport(kind, dict.fromkeys(("duration_s", "median_step_s", "gaps", "longest_gap_s")))
     measured = int(log.ok.sum()) if log.q_encoder is not None else 0
@@ -250,7 +250,7 @@ def _units(log: MotionLog) -> str:
 
 
 def _joints(log: MotionLog, robot: RobotModel | None, cured: MotionLog) -> list[dict[str, Any]]:
-    """Return the range and the errors of each joint, in its own unit, errors in deg and mm."""
+    """Return the range of each joint in its unit, and its errors in deg or mm."""
     rows = []
     for j, (name, unit, shown) in enumerate(zip(log.joint_names, log.joint_units, hysteresis_of(cured), strict=True)):
         low, high = float(log.q_nominal[:, j].min()), float(log.q_nominal[:, j].max())
@@ -282,8 +282,8 @@ def _table(joints: Sequence[dict[str, Any]], *, measured: bool) -> Table:
     return Table(columns, joints)
 
 
-_STILL_SPEED = 1e-3  # RMS [rad/s, m/s] of a joint that stands still
-_ROUNDING_SHARE = 1e-9  # two ways to sum the same offset differ in their last digits
+_STILL_SPEED = 1e-3  # RMS [rad/s, m/s] below which a joint stands still
+_ROUNDING_SHARE = 1e-9  # relative rounding error of offsets summed in different orders
 
 
 def check_file(
@@ -294,13 +294,11 @@ def check_file(
     max_error: tuple[float, ...] | None = None,
     typed: tuple[str, ...] = (),
 ) -> FileReport:
-    """Identify a file (or catalogue name), and report findings about it.
+    """Determine the kind of a file (or catalogue name), and check it.
 
     Args:
-        source: Path or name.
-        reading: Mapping and corrections of a recording.
-        robot: The recording's robot, catalogue name or file; its own when None.
-        max_error: Rows with larger errors are left out, per joint in deg and mm.
+        source, reading: Path or name, and mapping and corrections of a recording.
+        robot, max_error: As in `check_recording`.
         typed: Options to repeat in the suggested next command.
     """
     path = Path(source)
@@ -320,7 +318,7 @@ def check_file(
         raise FileFormatError(f"{path}: is a folder, expected a file or a bag{hint}")
     if format_named(path).holds == "robot":
         return check_robot(load_robot(source))
-    # a model may have any name; a recording's says what it is
+    # models are recognised by content, recordings by the file's ending
     arrays = read_arrays(path).keys() if path.is_file() and is_zipfile(path) else set[str]()
     if "structure" in arrays:
         if "combination" in arrays:
@@ -342,7 +340,7 @@ def check_file(
     if format_of(path).has_layouts:
         try:
             layout = known_layout([path], robot=robot)
-        except FileFormatError:  # reading it says more of what is wrong
+        except FileFormatError:  # reading the file raises a more detailed error
             layout = ""
         if layout is None and "q_des" not in arrays:
             return _check_other_make(source, reading.mend, robot, max_error)
@@ -357,7 +355,7 @@ def check_file(
 
 
 def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tuple[float, ...] | None) -> FileReport:
-    """Check a recording that must be imported first, by its known layout or by the mapping that it suggests."""
+    """Check a third-party recording, imported by its known layout or by a proposed mapping."""
     path = Path(source)
     units = next((text for text in mend.units if units_of(text)[0] is None), None)
     mend = replace(mend, units=tuple(text for text in mend.units if text != units))
@@ -400,7 +398,7 @@ def _check_inertial(source: str) -> FileReport:
 
 
 def check_robot(model: RobotModel) -> FileReport:
-    """Check a robot: inertia, masses that cannot be, limits, what its file holds that the model leaves out."""
+    """Check a robot: inertia, implausible masses, limits, and parts of its file that the model lacks."""
     found = FileReport("robot")
     joints, limits = [], []
     ends = model.lower.tolist(), model.upper.tolist()
@@ -425,7 +423,7 @@ def check_robot(model: RobotModel) -> FileReport:
     found.tell("drives", drives, "; ".join(driven) or "nothing known of friction and rotors")
     found.tell("sources", model.sources, "; ".join(model.sources) or "none stated")
     found.facts["links_without_inertia"] = model.missing_inertia
-    if model.missing_inertia == model.link_names:  # nobody meant to give any, as of a catalogue's published lengths
+    if model.missing_inertia == model.link_names:  # no link has any, as in catalogue robots with kinematics only
         to_be_identified = ", to be identified (catenary identify)" if model.actuation is not None else ""
         found.remarks.append(f"has no inertia{to_be_identified}: kinematics work, gravity and torques are refused")
     elif model.missing_inertia:
@@ -440,7 +438,7 @@ def check_robot(model: RobotModel) -> FileReport:
 
 
 def _drives(model: RobotModel) -> list[dict[str, Any]] | None:
-    """Return friction and rotors of every joint by itself, SI; None where no numbers are known."""
+    """Return friction and rotor of every joint, SI; None if unknown."""
     found = None if model.actuation is None else joint_drives(model.actuation, model.n)
     if found is None:
         return None
@@ -449,9 +447,9 @@ def _drives(model: RobotModel) -> list[dict[str, Any]] | None:
 
 
 def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[str], tuple[Finding, ...]]:
-    """Return the faults and remarks about a recording for identification, and the findings among them.
+    """Return faults, remarks and findings about a recording for identification.
 
-    It is fitted as `identify --free --friction none` fits it, to full dynamics, or to gravity where it has no time.
+    It is fitted as by `identify --free --friction none`, to full dynamics, or to gravity if it has no time.
     """
     terms = "static" if log.time is None else "full"
     options = IdentifyOptions(terms=terms, consistent=False, friction=())  # type: ignore[arg-type]  # one of the two
@@ -483,7 +481,7 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
 
 
 def _with_card(report_of: Callable[[Path, Any, Card], FileReport], path: Path, content: Any, card: Card) -> FileReport:
-    """Tell of a file that was read and carries a card, which may say anything where a key is expected."""
+    """Return the report of a file with a card; errors from unexpected contents of the card mean a damaged file."""
     try:
         return report_of(path, content, card)
     except CatenaryError:
@@ -516,7 +514,7 @@ def _check_identification(path: Path, result: Identification, card: Card) -> Fil
 
 
 def _copy_faults(path: Path, card: Card) -> list[str]:
-    """Return the difference between a card and its readable copy, which may be missing, as faults."""
+    """Return a fault if a card's readable copy exists and differs."""
     copy = card_path(path)
     if not copy.is_file() or copy.read_bytes() == card_text(card).encode():
         return []

@@ -21,7 +21,7 @@ from catenary.robots.model import RobotModel
 
 @dataclass(frozen=True)
 class MotionSurroundings:
-    """What a robot's motion must not hit."""
+    """Obstacles of a robot's motion."""
 
     geometry: Geometry | None  # the robot's own shapes; None: collisions are unchecked
     obstacles: tuple[Shape, ...] = ()
@@ -152,8 +152,7 @@ def write_motion(path: Path, joints: Jointed, time: Floats, q: Floats, qd: Float
         joints: Names and units.
         time: Times (N,) [s].
         q: Positions (N, n) [rad or m].
-        qd: Velocities, as `q`.
-        qdd: Accelerations, as `q`.
+        qd, qdd: Velocities and accelerations, as `q`.
     """
     if path.suffix.lower() == ".csv":
         named = list(zip(joints.joint_names, joints.joint_units, strict=True))

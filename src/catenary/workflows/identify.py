@@ -1,7 +1,7 @@
-"""Identify a robot's dynamics from recordings in files, judge the result on others; by it, a payload or a push.
+"""Identify a robot's dynamics from files and test the result; estimate payloads, external torques and wrist tools.
 
-Also the tool behind a wrist's force/torque sensor, and the sensor's biases, from a table of poses at rest.
-Of a longer arm some joints may be identified alone: the others are held where recordings hold them.
+A wrist tool and its force/torque sensor's biases are identified from a table of poses at rest. Some joints of an arm
+may be identified alone; the others are locked at the positions in the recordings.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -42,16 +42,15 @@ from catenary.verdict.mend import mends_of
 from catenary.verdict.stamps import stamp_findings
 from catenary.workflows.import_recording import import_recording
 
-STILL = {"rad": 0.02, "m": 0.005}  # by which a joint may move that is held
+STILL = {"rad": 0.02, "m": 0.005}  # [rad], [m] largest motion of a held joint
 
 
 def part_of_arm(
     model: RobotModel, joints: Sequence[str], logs: Sequence[MotionLog]
 ) -> tuple[RobotModel, dict[str, float]]:
-    """Return the robot of some joints alone, and where the others are held.
+    """Return a robot with only some of its joints, and the positions at which the others are held.
 
-    Recordings that have the other joints too must hold them, all at one place. Where none has them they are at zero,
-    or at the limit next to it.
+    Recordings with the other joints must hold them at one position; without any, they are at zero, clipped to limits.
     """
     places_of(Joints(tuple(joints)), model, whose=f'robot "{model.name}"', of="--joints are")
     held: dict[str, float] = {}
@@ -72,7 +71,7 @@ def part_of_arm(
 
 
 def require_held(logs: Sequence[MotionLog], held: Mapping[str, float]) -> None:
-    """Refuse recordings that move joints which were held when an arm was identified, or hold them elsewhere."""
+    """Refuse recordings in which joints that were held in the identification move or are at other positions."""
     for log in logs:
         for name, unit, q in zip(log.joint_names, log.joint_units, log.q_nominal.T, strict=True):
             if name in held and np.abs(q - held[name]).max() > STILL[unit]:
@@ -83,7 +82,7 @@ def require_held(logs: Sequence[MotionLog], held: Mapping[str, float]) -> None:
 
 
 def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
-    """Return a recording of a robot's joints alone, those that it has beside them left out."""
+    """Return a recording with only a robot's joints."""
     n = len(log.joint_names)
     if log.joint_names == nameless(n) and n == model.n:
         return log.in_order_of(model, of="--joints are")
@@ -96,26 +95,26 @@ def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
     return replace(log, joint_names=model.joint_names, joint_units=model.joint_units, notes=notes, **arrays)
 
 
-STEADY_SHARE = 0.7  # of the RMS, and of the interval, from which on a mean is a torque that was there all along
+STEADY_SHARE = 0.7  # share of the RMS and of the interval above which a mean counts as a steady torque
 WRENCH = (*(f"force:{axis} [N]" for axis in "xyz"), *(f"moment:{axis} [Nm]" for axis in "xyz"))
 
 
 @dataclass(frozen=True)
 class ExternalTorques:
-    """External torques of one recording, and the wrench on the tip that asks for them, in base axes."""
+    """External torques of one recording, and the equivalent wrench on the tip, in base axes."""
 
     log: str
     model: RobotModel
     time: Floats  # (N,) [s]
     torque: Floats  # (N, n) [Nm or N] by inverse dynamics
-    half_width: Floats  # (n,) within which 95 of 100 lie where nothing touches the arm
-    wrench: Floats  # (N, 6) force [N], moment [Nm]; NaN of what the joints do not feel
+    half_width: Floats  # (n,) [Nm or N] of the 95 % interval without contact
+    wrench: Floats  # (N, 6) force [N], moment [Nm]; NaN for components that the joints do not feel
     wrench_half_width: Floats  # (N, 6)
     notes: tuple[str, ...]
 
     @property
     def joints(self) -> list[dict[str, Any]]:
-        """The largest torque that each joint felt [Nm or N], when, and the share of rows beyond its interval."""
+        """Largest external torque of each joint [Nm or N], its time, and the share of rows beyond the interval."""
         size, units = np.abs(self.torque), [TORQUE_UNIT[unit] for unit in self.model.joint_units]
         rows, beyond = size.argmax(axis=0), np.mean(size > self.half_width, axis=0)
         largest = np.take_along_axis(self.torque, rows[None], axis=0)[0]
@@ -136,7 +135,7 @@ class ExternalTorques:
         }
 
     def strongest(self) -> dict[str, Any] | None:
-        """Return the wrench of the largest force, and when; None where the joints do not tell it."""
+        """Return the wrench of the largest force and its time; None if the joints do not determine it."""
         force = np.linalg.norm(self.wrench[:, :3], axis=1)
         if not np.isfinite(force).any():
             return None
@@ -148,7 +147,7 @@ class ExternalTorques:
         }
 
     def write(self, path: Path) -> None:
-        """Write a row for each of the recording's, as CSV."""
+        """Write all rows as CSV."""
         joints = zip(self.model.joint_names, self.model.joint_units, strict=True)
         named = [f"{name} [{TORQUE_UNIT[unit]}]" for name, unit in joints]
         within = np.tile(self.half_width, (len(self.time), 1))
@@ -161,10 +160,9 @@ class ExternalTorques:
 
 
 def external_torques(result: Identification, pushed: Samples, unloaded: Sequence[Samples] = ()) -> ExternalTorques:
-    """Return the torques that an identification does not explain: M qdd + C qd + g + friction - tau.
+    """Return the external torques by an identification: M qdd + C qd + g + friction - tau.
 
-    The interval is 1.96 times the RMS that they leave of recordings that were not fitted: of `unloaded` ones, else of
-    the tests of the identification.
+    The interval is 1.96 times the RMS residual on `unloaded` recordings, else on the tests of the identification.
     """
     torque = result.predict_samples(pushed) - pushed.tau
     notes = list[str]()
@@ -193,19 +191,19 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
     return ExternalTorques(pushed.name, result.model, pushed.time, *found)
 
 
-_POOR_RESIDUAL = 0.6  # relative residual from which on it is asked whether two axes are swapped
+_POOR_RESIDUAL = 0.6  # relative residual above which a note is given
 
 
 @dataclass(frozen=True)
 class IdentifyResult:
-    """An identification, its card, notes for the reader, and the samples behind it."""
+    """An identification with its card, notes and samples."""
 
     identification: Identification
     card: Card
     notes: tuple[str, ...]
     training: tuple[Samples, ...]
     tests: tuple[Samples, ...]
-    gains: DriveGains | None = None  # where currents were recorded
+    gains: DriveGains | None = None  # if currents were recorded
 
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
@@ -241,16 +239,16 @@ def identify_files(
     joints: Sequence[str] = (),
     accept: Sequence[str] = (),
 ) -> IdentifyResult:
-    """Identify a robot from recordings, and judge it on others.
+    """Identify a robot from recordings, and test it on others.
 
     Args:
-        joints: To identify, of a longer arm that holds the others; all when empty.
-        load: Of currents: a mass [kg] on the robot's tip, and the recording with it, which tell the drives' gains.
-        payload: What the robot carries in all recordings. A body that they show beside it is identified with the arm.
-        accept: Findings about them to go on with, by name.
+        joints: Joints to identify, if the others are held; all if empty.
+        load: For currents: mass [kg] on the robot's tip, and the recording with it, to identify drive gains.
+        payload: Body that the robot carries in all recordings; a further one is identified with the arm.
+        accept: Names of findings to continue despite.
 
     Raises:
-        DataError: Torques of the wrong sign, of other axes or in another unit, that `accept` does not name.
+        DataError: A finding, such as torques of the wrong sign or of swapped axes, is not accepted.
         ExcitationError: The recordings do not show all base parameters.
     """
     model, held = load_robot(robot), dict[str, float]()
@@ -287,7 +285,7 @@ def identify_files(
     causes = [(part.name, finding) for part, found in zip(training, explained, strict=True) for finding in found[0]]
     doubts = judge(causes, accept)
     model, found = arm_as_found(model, [found[1:] for found in explained])
-    for log in (*read, *read_tests):  # behind what may explain them
+    for log in (*read, *read_tests):  # after findings that may explain the positions
         check_positions(log, model)
     bodies = (*((payload,) if payload is not None else ()), *found)
     result = replace(identify_logs(read, training, model, options), bodies=bodies).test(held_out)
@@ -319,7 +317,7 @@ def identify_files(
 
 
 def _recording(path: Path, model: RobotModel, robot: str, joints: Sequence[str], reading: Reading | None) -> MotionLog:
-    """Read a recording of a robot, of any make; one of some joints alone has their names, or is in their order."""
+    """Read a recording of a robot, also a third-party one; with only some `joints`, by name or in their order."""
     if (reading is None or reading.mapping is None) and format_of(path).ending not in (".npz", ".parquet"):
         # a known layout, or the proposal of a mapping in the refusal
         return (reading or Reading()).mend(import_recording(path, robot=robot))
@@ -331,7 +329,7 @@ def _times(log: MotionLog, gains: Floats) -> MotionLog:
 
 
 def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
-    """Return notes on assumptions, on doubts, and on choices by held-out blocks."""
+    """Return notes on assumptions, doubts, and choices by held-out blocks."""
     options = result.options
     static = options.terms == "static"
     if not static and actuation_of(model).find_rotors:  # no table
@@ -365,7 +363,7 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class PayloadResult:
-    """Estimated payload, and the candidates on other links where its place was not given."""
+    """Estimated payload, and candidates on other links if its location was not given."""
 
     payload: PayloadEstimate
     candidates: tuple[PayloadEstimate, ...]
@@ -386,19 +384,14 @@ def payload_of_files(
     unloaded: Sequence[Path] = (),
     **how: Any,
 ) -> PayloadResult:
-    """Estimate the payload of an identified arm from recordings.
-
-    Recordings are judged first: torques of another sign or unit than in the identification are no payload.
+    """Estimate the payload of an identified arm from recordings, whose torques are checked for sign and unit first.
 
     Args:
         logs: Recordings with the payload.
         model: Identification of the arm without it.
-        at: Frame, and the payload's place in it (3,) [m], if known.
+        at: Frame, and the payload's position in it (3,) [m], if known.
         unloaded: Recordings without the payload, of the same day.
         **how: Mapping, corrections and accepted findings.
-
-    Raises:
-        DataError: A finding about the recordings is not accepted.
     """
     result, samples, notes = _read_for(model, (*logs, *unloaded), of_arm=False, **how)  # of a load the estimate tells
     loaded, empty = samples[: len(logs)], samples[len(logs) :]
@@ -425,10 +418,10 @@ def external_torques_of_file(log: Path, model: Path, *, unloaded: Sequence[Path]
 
 
 class ArmChange(NamedTuple):
-    """What a recording shows that differs from an arm as it was identified."""
+    """A difference between a recording and an arm as identified."""
 
     recording: str
-    finding: str  # of FINDINGS
+    finding: str  # name in FINDINGS
     joints: tuple[str, ...]
     says: str
 
@@ -436,15 +429,12 @@ class ArmChange(NamedTuple):
 def changes_of_files(model: Path, logs: Sequence[Path], **how: Any) -> tuple[list[ArmChange], list[str]]:
     """Estimate the changes of an identified arm from later recordings: zeros, gains, loads and friction.
 
-    Changes that the arm itself may have undergone are not refused.
-
     Args:
-        model: Identification of the arm.
-        logs: Later recordings.
+        model, logs: Identification of the arm, and later recordings.
         **how: Mapping, corrections and accepted findings.
 
     Returns:
-        The changes, and notes.
+        The changes, which are not refused, and notes.
     """
     result, samples, notes, read = _read(model, logs, **how)
     found = [(part.name, finding) for part in samples for finding in findings_against(result, part)]
@@ -456,14 +446,14 @@ def changes_of_files(model: Path, logs: Sequence[Path], **how: Any) -> tuple[lis
 def _read_for(
     model: Path, paths: Sequence[Path], *, accept: Sequence[str] = (), of_arm: bool = True, **how: Any
 ) -> tuple[Identification, list[Samples], list[str]]:
-    """Return identified parameters, recordings filtered as they were, and notes on these, which are judged first.
+    """Return an identification, recordings filtered as in it, and notes, after refusing findings not accepted.
 
-    What the arm carries beside its own is among the notes if `of_arm`.
+    Findings about the arm itself, such as a load, are included if `of_arm`.
     """
     result, samples, notes, read = _read(model, paths, accept=accept, **how)
     found = [(s.name, finding) for s in samples for finding in findings_against(result, s)]
     notes += judge([named for named in found if of_arm or named[1].name != "arm"], accept, done="weighed")
-    for log in read:  # behind what may explain them
+    for log in read:  # after findings that may explain the positions
         check_positions(log, result.model)
     return result, samples, notes
 
@@ -476,9 +466,9 @@ def _read(
     reading: Reading | None = None,
     accept: Sequence[str] = (),
 ) -> tuple[Identification, list[Samples], list[str], list[MotionLog]]:
-    """Return identified parameters, recordings filtered as they were, notes on these, and them as they were read."""
+    """Return an identification, recordings filtered as in it, notes, and the recordings as read."""
     result, card = load_identification(model)
-    # numbers in degrees are refused by the robot's limits, numbers brought to rad since would pass as small ones
+    # without corrections of units: degrees exceed the robot's limits, but rad converted once more would pass
     mends = {key: texts for key, texts in card.get("mends", {}).items() if key != "units"}
     options = result.options if cutoff_hz is None else replace(result.options, cutoff_hz=cutoff_hz)
     require_names(accept)

@@ -97,12 +97,12 @@ def import_recording(
 
 @dataclass(frozen=True)
 class ImportedLog:
-    """What was imported into a file."""
+    """Result of an import into a file."""
 
     log: MotionLog  # which was judged: whole, or the first rows of a longer one
     rows: int
     seconds: float | None  # from the first row to the last; None without time
-    measured: int | None  # rows with a trusted q_encoder; None where there is none
+    measured: int | None  # rows with a trusted q_encoder; None if there is none
     notes: tuple[str, ...]
     not_used: tuple[str, ...]  # topics, arrays and columns of the recording
     findings: tuple[Finding, ...]  # what a fit would say of it; those that refuse first

@@ -23,10 +23,10 @@ _UNKNOWN_HASH = "RIHS01_" + 64 * "0"  # of a type that only the bag defines
 
 @dataclass(frozen=True)
 class Recovery:
-    """What was recovered."""
+    """Result of a recovery."""
 
     source: Path
-    written: Path | None  # None where nothing was damaged
+    written: Path | None  # None if nothing was damaged
     rescue: Rescue
     problems: tuple[str, ...]
 

@@ -87,7 +87,7 @@ def simulated_arm(
 
     Args:
         robot: raven2 or raven2_right, or any other robot with inertia: a name or a file.
-        payload: Mass at the tool's wrist, or at the tip [kg], of which the model knows nothing.
+        payload: Mass at the tool's wrist, or at the tip [kg], unknown to the model.
         kp: Stiffness of PD, one number or (n,) [Nm/rad|N/m]; kd: its damping [Nms/rad|Ns/m]; the arm's own when None.
         friction: Coulomb friction of a robot without cables, one number or (n,) [Nm|N]; viscous: likewise
             [Nms/rad|Ns/m]; what was identified, if anything, when None.

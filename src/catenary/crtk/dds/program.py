@@ -59,7 +59,7 @@ def dds_topic(topic: str) -> str:
 
 
 def ros_topic(name: str) -> str | None:
-    """Return the topic that DDS calls so, or None where it is none of ROS."""
+    """Return the topic that DDS calls so, or None if it is none of ROS."""
     return name[2:] if name.startswith("rt/") else None
 
 
@@ -468,7 +468,7 @@ class Program:
         self._tell()
 
     def end(self, reader_or_writer: Any) -> None:
-        """End a reader or a writer, which DDS does when nobody refers to it any more; the caller then must not."""
+        """Delete a reader or a writer, by dropping the last reference to it; the caller must not keep one."""
         with self.lock:
             if self._ends.pop(reader_or_writer, None) is None:
                 return
@@ -545,7 +545,7 @@ class Program:
         self._leave()
 
     def _let_go(self) -> None:
-        """Let DDS delete what was ended, in this thread."""
+        """Delete ended readers and writers, in this thread."""
         with self.lock:
             now = time.monotonic()
             over = [one for at, one in self._ended if at <= now]

@@ -116,7 +116,7 @@ _ASK = 100  # messages that are sent before DDS is asked again whether anybody l
 
 
 class DdsPublisher(Publisher):
-    """Publisher of one topic; what nobody listens to, and what is not latched, is not even encoded."""
+    """Publisher of one topic; a message is encoded only if there are subscribers or the topic is latched."""
 
     def __init__(
         self, program: Program, topic: str, dds_name: str, type_name: str, quality: Quality, queue: int

@@ -37,7 +37,7 @@ class Master:
     """Questions to a master, each answered within `_ANSWER_WITHIN_S`, or TransportError is raised."""
 
     def __init__(self, uri: str, caller: str) -> None:
-        """Prepare; nothing is asked yet."""
+        """Prepare without a call to the master."""
         parts = urlparse(uri)
         try:
             valid = parts.scheme == "http" and bool(parts.hostname) and parts.port is not None

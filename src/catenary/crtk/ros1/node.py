@@ -108,14 +108,14 @@ class Node:
         threading.Thread(target=self._watch, name="ROS master watch", daemon=True).start()
 
     def publisher(self, topic: str, type_name: str, *, latch: bool, queue: int) -> peers.RosPublisher:
-        """Begin to publish."""
+        """Start publishing."""
         end = partial(self._forget, self._publishers)
         made = peers.RosPublisher(topic, type_name, raw_class(type_name), end, latch=latch, queue=queue)
         self._publishers[topic] = made
         return made
 
     def topic(self, topic: str, type_name: str, steady: Callable[[], int]) -> peers.RosTopic:
-        """Begin to receive."""
+        """Start receiving."""
         end = partial(self._forget, self._topics)
         made = self._topics[topic] = peers.RosTopic(topic, type_name, raw_class(type_name), end, steady)
         return made

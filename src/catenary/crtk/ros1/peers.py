@@ -164,7 +164,7 @@ class _Peer:
 
 
 class RosPublisher(Publisher, rospy.SubscribeListener):  # type: ignore[misc]  # rospy is not typed
-    """Publisher of one topic; what nobody listens to, and what is not latched, is not even encoded."""
+    """Publisher of one topic; a message is encoded only if there are subscribers or the topic is latched."""
 
     def __init__(
         self, topic: str, type_name: str, kind: type, end: Callable[[Any], None], *, latch: bool, queue: int
@@ -230,7 +230,7 @@ class RosPublisher(Publisher, rospy.SubscribeListener):  # type: ignore[misc]  #
 
 
 class RosTopic(HeardTopic):
-    """What this process receives of one topic, by a `rospy.Subscriber`."""
+    """Subscription to one topic by a `rospy.Subscriber`."""
 
     def __init__(
         self, name: str, type_name: str, kind: type, end: Callable[[Any], None], steady: Callable[[], int]
@@ -243,7 +243,7 @@ class RosTopic(HeardTopic):
             self.ros: Any = rospy.Subscriber(name, kind, self._receive, tcp_nodelay=True)
 
     def end(self) -> None:
-        """Receive no more: nobody listens."""
+        """End the subscription, as there are no listeners."""
         _takes.pop(self._name, None)
         self._ended(self.ros)
 

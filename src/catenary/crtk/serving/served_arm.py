@@ -1,4 +1,4 @@
-"""One arm behind a server: what it was commanded becomes one command a tick for its plant; its moves and steps."""
+"""One arm of a CRTK server: turns clients' moves, servo steps and torques into one command per tick for its plant."""
 
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -18,57 +18,57 @@ from catenary.spatial import Pose, rotation_from_vector, rotation_vector
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.smoothed_path import go_to
 
-# messages of one tick that are added up; more than two clients at 1 kHz send, so that a backlog gets shorter
+# largest number of messages added up per tick; more than two clients send at 1 kHz, so that a backlog shrinks
 _INCREMENTS_A_TICK = 4
-_BACKLOG_S = 0.25  # [s] that an increment waits at most
-_FOLLOW_S = 0.1  # [s] after its last command during which a goal, a velocity or a torque counts: the watchdog
+_BACKLOG_S = 0.25  # [s] longest wait of an increment
+_FOLLOW_S = 0.1  # [s] watchdog: time after the last command in which a goal, velocity or torque acts
 
 
 JAW_JOINTS = 2  # joints, the last ones
 BASE_FRAME = "base"  # frame of all poses
-_SETPOINT_SPEED = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] of a setpoint: 0.0025 rad, 0.05 mm in a millisecond
+_SETPOINT_SPEED = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] largest of a setpoint: 0.0025 rad, 0.05 mm per millisecond
 _LEAST_BUSY_S = (
-    0.05  # [s] CRTK's Python client waits for a busy state and then for none, also after a move to where it is
+    0.05  # [s] CRTK's Python client waits for a busy state and then its end, even after a move of zero length
 )
 GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) -> torques (n,)
 
 
 class ArmSettings:
-    """What clients set of an arm and what moves nothing; poses of its tool are theirs, in the frame that they chose."""
+    """Settings of an arm by clients, such as the base frame in which they give and receive tool poses."""
 
     def __init__(self) -> None:
         self.compensates_gravity = False
-        self.forces_in_base_axes = False  # what is below body/ is in base axes
-        self.speed_ratio = self.acceleration_ratio = 1.0  # of those that moves have
-        self.base: Pose | None = None  # of the arm's base in frame `base_name`; None: the same
+        self.forces_in_base_axes = False  # wrenches below body/ are in base axes
+        self.speed_ratio = self.acceleration_ratio = 1.0  # scale of moves
+        self.base: Pose | None = None  # of the arm's base in frame `base_name`; None if identical
         self.base_name = BASE_FRAME
 
     def placed(self, pose: Pose) -> Pose:
-        """Return a pose in the arm's base as clients have it."""
+        """Convert a pose from the arm's base to the clients' frame."""
         return pose if self.base is None else self.base @ pose
 
     def unplaced(self, pose: Pose) -> Pose:
-        """Return a client's pose in the arm's own base."""
+        """Convert a client's pose to the arm's base."""
         return pose if self.base is None else self.base.inverse() @ pose
 
     def turned(self, vector: Floats) -> Floats:
-        """Return vectors (..., 3) in the arm's own axes as clients have them."""
+        """Convert vectors (..., 3) from the arm's base to the clients' axes."""
         return vector if self.base is None else vector @ self.base.rotation.T
 
     def unturned(self, vector: Floats) -> Floats:
-        """Return a client's vectors (..., 3) in the arm's own axes."""
+        """Convert a client's vectors (..., 3) to the axes of the arm's base."""
         return vector if self.base is None else vector @ self.base.rotation
 
 
 class _Push(NamedTuple):
-    """Torques that were commanded."""
+    """Commanded torques."""
 
     torques: Callable[[], Floats]  # (n,) of this tick, NaN for a joint that holds its setpoint
-    until: float  # tick at which they lapse
+    until: float  # tick at which they expire
 
 
 class ServedArm:
-    """An arm, its state machine, and what it is to do next: the last kind of command wins, only increments add up."""
+    """An arm, its state machine and its current command: a new command replaces the last, only increments add up."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class ServedArm:
         dvrk: str = "",
         joints_per_actuator: Floats | None = None,
     ) -> None:
-        """Take over a plant that `gravity_torque` holds still; a dVRK's, one of DVRK_ARMS, has joints per actuator."""
+        """Serve a plant whose weight `gravity_torque` holds; `dvrk` is one of DVRK_ARMS, with `joints_per_actuator`."""
         self.plant, self.arm, self.tool, self.gravity_torque = plant, arm, tool, gravity_torque
         self.reports, self.dvrk, self.joints_per_actuator = reports, dvrk, joints_per_actuator
         self.master = MasterArm() if dvrk == "MTM" else None
@@ -90,26 +90,26 @@ class ServedArm:
         self.reported = self.names[:-1] if tool.jaw_is_apart else self.names  # joints of its joint states
         self.machine = StateMachine(plant, dialect)
         self.lower, self.upper = plant.lower, plant.upper
-        self.place = ""  # namespace of its commands
+        self.place = ""  # namespace of the commands
         self.most = plant.period * np.array([_SETPOINT_SPEED[unit] for unit in plant.joint_units])
-        self._increments: deque[tuple[Floats, int]] = deque()  # that wait (n,), and the ticks in which they came
-        self._goal: Floats | None = None  # (n,) that is approached by clamped steps
-        self._pace = self.most  # (n,) of a step to it
-        self._steps = 0  # that are left to it: so many as there were messages, or for a while
+        self._increments: deque[tuple[Floats, int]] = deque()  # waiting (n,), and their ticks of arrival
+        self._goal: Floats | None = None  # (n,) approached by clamped steps
+        self._pace = self.most  # (n,) largest step to the goal
+        self._steps = 0  # steps left to the goal: one per message, or for the watchdog's time
         self._follow_ticks = max(1, round(_FOLLOW_S / plant.period))
         self.settings = ArmSettings()
-        self.moves_ended = 0, False  # how many, and whether the last one got there
-        self._before: tuple[Floats, bool] | None = None  # setpoint of the last tick, whether it was ready
+        self.moves_ended = 0, False  # number, and whether the last one reached its goal
+        self._before: tuple[Floats, bool] | None = None  # setpoint of the last tick, whether the arm was ready
         self.tick = 0
-        self.reports_time = 0  # [ns] of the tick, for what is reported in it
-        self.statistics: tuple[float, ...] | None = None  # of the last second's ticks, as cisst has them
-        self.changes = 0  # times that its state was read
-        self._doing: Iterator[Floats | None] = iter(())  # where to set it (n,) in each tick, by the command that acts
+        self.reports_time = 0  # [ns] stamp of reports in this tick
+        self.statistics: tuple[float, ...] | None = None  # of the last second's ticks, in cisst's format
+        self.changes = 0  # number of reads of the plant's state
+        self._doing: Iterator[Floats | None] = iter(())  # setpoints (n,) of the current command, tick by tick
         self._is_moving = False  # along a trajectory
         self._push: _Push | None = None
-        self._pushed: Floats | None = None  # torques (n,) that were asked for in this tick
+        self._pushed: Floats | None = None  # torques (n,) requested in this tick
         self._jaw_wanted: Callable[[], Trajectory] | None = None
-        self._jaw: tuple[Trajectory, int] | None = None  # of a jaw that moves beside the arm
+        self._jaw: tuple[Trajectory, int] | None = None  # of a jaw that moves independently of the arm
         self._arrived = self._was_moving = False
         self._was_ready = self._is_known = False
         self._takes_positions = "servo_jp" in plant.supports
@@ -119,21 +119,21 @@ class ServedArm:
 
     @property
     def is_ready(self) -> bool:
-        """Return True if commands move it."""
+        """Whether the arm obeys motion commands."""
         return self.plant.operating_state().is_ready
 
     def increment(self, dq: Floats) -> None:
-        """Move by dq (n,) [rad|m], clamped to a millisecond's motion, besides what waits already."""
+        """Add an increment dq (n,) [rad|m], clamped to a millisecond's motion, to those waiting."""
         if not self._increments:
             self._do(self._increment())
         self._increments.append((self._clamped(dq), self.tick))
 
     def step_towards(self, q: Floats) -> None:
-        """Move one clamped step towards q (n,) [rad|m]; those that the last goal has left remain."""
+        """Move one clamped step towards q (n,) [rad|m], plus the steps left of the last goal."""
         self._go(q, min(self._steps + 1, self._follow_ticks))
 
     def go_towards(self, q: Floats, qd: Floats | None = None) -> None:
-        """Move towards q (n,) [rad|m] until it is reached, or until 0.1 s have passed; as fast as qd (n,), together."""
+        """Move towards q (n,) [rad|m] for at most 0.1 s, at the speed of qd (n,), all joints arriving together."""
         self._go(q, self._follow_ticks, qd)
 
     def _go(self, q: Floats, steps: int, qd: Floats | None = None) -> None:
@@ -151,9 +151,9 @@ class ServedArm:
         self._do(self.setpoint.q + step for _ in range(self._follow_ticks + 1))
 
     def push_with(self, torques: Callable[[], Floats]) -> None:
-        """Command torques (n,) for 0.1 s, plus gravity's where asked for; a joint with NaN holds its setpoint.
+        """Command torques (n,) for 0.1 s, plus gravity's if compensated; a joint with NaN holds its setpoint.
 
-        An MTM exerts them until something else is commanded, as the dVRK does: nobody could feel it otherwise.
+        An MTM exerts them until the next command, as on the dVRK, so that the operator can feel them.
         """
         if "servo_jf" not in self.plant.supports:
             raise InputError("the arm takes no torques")
@@ -165,35 +165,35 @@ class ServedArm:
         self._push = _Push(torques, np.inf if self.master else self.tick + self._follow_ticks)
 
     def go_limp(self) -> None:
-        """Command zero torque, or gravity's alone, until something else is commanded."""
+        """Command zero torque, plus gravity's if compensated, until the next command."""
         none = np.zeros(len(self.names))
         self.push_with(lambda: none)
         self._push = _Push(lambda: none, np.inf)
         self.unlock()
 
     def unlock(self) -> None:
-        """Let an MTM's wrist turn freely again."""
+        """Unlock an MTM's orientation."""
         if self.master is not None:
             self.master.locked = None
 
     def move(self, make: Callable[[], Trajectory]) -> None:
-        """Follow a trajectory from the setpoint, busy until it ends; the last one of a tick is made, at its end."""
+        """Follow a trajectory from the setpoint, busy until it ends; of several in a tick only the last one acts."""
         self._do(self._follow(make))
 
     def move_jaw(self, make: Callable[[], Trajectory]) -> None:
-        """Move the jaw along a trajectory of all joints: beside what the arm does where it is apart, as a dVRK does."""
+        """Move the jaw along a trajectory of all joints, independently of the arm if it is separate, as on a dVRK."""
         if self.tool.jaw_is_apart and self._push is None:
             self._jaw_wanted = make
         else:
             self.move(make)
 
     def hold(self) -> None:
-        """Forget all commands and stay."""
+        """Drop all commands and hold the position."""
         self._jaw = self._jaw_wanted = None
         self._do(iter(()))
 
     def _do(self, way: Iterator[Floats | None]) -> None:
-        """Forget the arm's commands, for another one; a jaw that moves beside it goes on."""
+        """Replace the arm's commands by another; an independent motion of the jaw continues."""
         self._increments.clear()
         self._goal, self._steps = None, 0
         self._doing, self._is_moving = way, False
@@ -202,20 +202,20 @@ class ServedArm:
             if self.is_ready and self._takes_positions:
                 self._send(self.measured.q)
 
-    # what it reports
+    # reports
 
     @property
     def commanded(self) -> Floats:
-        """Setpoint (n,) that it will have when all increments that wait are done: where relative poses begin."""
+        """Setpoint (n,) after all waiting increments, from which relative poses start."""
         return np.sum([self.setpoint.q, *(dq for dq, _ in self._increments)], axis=0)
 
     def increment_along(self, dq: Floats) -> None:
-        """Move by dq (n,) [rad|m], all scaled down where one exceeds its clamp: a straight way stays straight."""
+        """Add an increment dq (n,) [rad|m], scaled so that no joint exceeds its clamp and the direction is kept."""
         with np.errstate(divide="ignore"):
             self.increment(dq * min(1.0, float((self.most / np.abs(dq)).min())))
 
     def whole(self, q: Floats) -> Floats:
-        """Return positions (n,) at those that joint states have: a jaw that they leave out stays, or goes on."""
+        """Return positions (n,) with those of joint states; a jaw that these lack keeps its setpoint or goal."""
         rest = self.setpoint.q if self._jaw is None else self._jaw[0](self._jaw[0].duration).q
         return np.append(q, rest[len(q) :])
 
@@ -228,7 +228,7 @@ class ServedArm:
                 raise LimitError(f'joint "{name}": {value:.6g} {unit} outside [{lower:.6g}, {upper:.6g}]')
 
     def jaw_increments(self, angle: float) -> Floats:
-        """Return increments (n,) that open the jaws by an angle [rad], half with each of two."""
+        """Return increments (n,) that open the jaws by an angle [rad], shared by two jaws."""
         dq, jaws = np.zeros(len(self.names)), self.tool.jaws
         dq[-jaws:] = angle / jaws
         return dq
@@ -237,10 +237,10 @@ class ServedArm:
         """Return the setpoint (n,) with the jaws opened to an angle [rad]."""
         return self.setpoint.q + self.jaw_increments(opening - self.setpoint.q[-self.tool.jaws :].sum())
 
-    # what it does
+    # ticks
 
     def advance(self) -> None:
-        """End a tick: command the plant, and let it run."""
+        """End a tick: command the plant and wait for it."""
         ready = self.is_ready
         try:
             if ready:
@@ -252,7 +252,7 @@ class ServedArm:
                 cast(Any, self.plant).pushed_by[:] = self.master.hand(self.measured_tool, self.measured.time)
             self.plant.wait()
         except CatenaryError as error:
-            # a stop that was not found, a trip between two lines: the server goes on
+            # homing failed, or the robot tripped within the tick: the server continues
             self.hold()
             self.reports.say(f"{self.arm}: fault", str(error), self.reports_time)
         self.machine.update()
@@ -263,7 +263,7 @@ class ServedArm:
             self._pushed = None
 
     def refresh(self) -> None:
-        """Read the plant; one that cannot change, such as a parked arm, but once."""
+        """Read the plant; only once if it cannot change, such as a parked arm."""
         if self._is_known and not self.machine.can_change:
             return
         self._is_known = True
@@ -282,12 +282,12 @@ class ServedArm:
         self.state: OperatingState = state._replace(is_busy=True) if is_moving and state.state == "ENABLED" else state
 
     def _beyond_weight(self) -> Floats:
-        """Return the measured joint torques (n,) less those that hold the arm's own weight."""
+        """Return the measured joint torques (n,) less the arm's gravity torques."""
         measured = self.measured
         return measured.tau - self.gravity_torque(measured.q, measured.gravity)
 
     def _step_velocity(self) -> Floats:
-        """Return the velocity of the setpoint (n,); zero where control has just begun."""
+        """Return the velocity of the setpoint (n,); zero when control has just begun."""
         before, self._before = self._before, (self.setpoint.q, self.is_ready)
         q, ready = self._before
         return (q - before[0]) / self.plant.period if before and before[1] and ready else np.zeros(len(q))
@@ -305,9 +305,9 @@ class ServedArm:
         return np.minimum(np.maximum(way, -self.most), self.most)
 
     def _increment(self) -> Iterator[Floats]:
-        """Add up what came within a tick, of any number of clients, within the clamp; the rest waits for the next ones.
+        """Add up a tick's increments of all clients, up to the clamp; the rest waits for the next ticks.
 
-        However messages bunch up, their way is the same, and nothing leaps. The robot itself loses what is over.
+        The total motion does not depend on how messages bunch up. The robot itself drops increments beyond the clamp.
         """
         waiting, patience = self._increments, max(1, round(_BACKLOG_S / self.plant.period))
         while True:
@@ -343,7 +343,7 @@ class ServedArm:
             yield q
 
     def _along(self, trajectory: Trajectory, begin: int) -> tuple[Floats, bool]:
-        """Return the present position of a trajectory that began in a tick (n,), and whether it ends there."""
+        """Return the current position (n,) on a trajectory that began in a tick, and whether it has ended."""
         time = (self.tick + 1 - begin) * self.plant.period
         q = np.array(trajectory(min(time, trajectory.duration)).q)
         return q, time >= max(trajectory.duration, _LEAST_BUSY_S)
@@ -356,7 +356,7 @@ class ServedArm:
             if self.settings.compensates_gravity:
                 tau = tau + self.gravity_torque(q, self.measured.gravity)
             self._pushed = tau
-            # a robot that bounds nothing by itself is not pushed farther
+            # no torque further beyond a joint limit, as the robot may not check limits itself
             outward = ((q > self.upper) & (tau > 0.0)) | ((q < self.lower) & (tau < 0.0))
             tau = np.where(outward, 0.0, tau)
             held = np.isnan(tau)
@@ -369,7 +369,7 @@ class ServedArm:
         yield self.measured.q  # the firmware holds where the arm is
 
     def _report_limits(self, asked: Floats) -> None:
-        """Say of torques that did not act as they were asked for where the joint was."""
+        """Report torques that differ from those requested, with the joint's position."""
         acts = self.measured.tau
         for j in np.flatnonzero(np.abs(acts - asked) > 1e-3 * (1.0 + np.abs(asked))):
             text = (
@@ -390,27 +390,27 @@ class ServedArm:
             self.reports.say(f"{self.arm}: cannot", "the robot takes no positions", self.reports_time)
 
 
-# a third of what a setpoint may do, and there in half a second
+# a third of a setpoint's largest speed, reached in half a second
 _SPEED = {"rad": 0.8, "m": 0.016}  # [rad/s], [m/s]
 _ACCELERATION = {"rad": 1.6, "m": 0.032}  # [rad/s2], [m/s2]
-_GOAL_STEPS = 60  # steps of the search for joints far from the setpoint: some milliseconds, once
+_GOAL_STEPS = 60  # iterations of inverse kinematics far from the setpoint: some milliseconds, once
 
 
 def joint_move(arm: ServedArm, q: Floats) -> Callable[[], Trajectory]:
-    """Move all joints from the setpoint to q (n,), arriving together; what is returned makes the trajectory."""
+    """Return a function that makes a trajectory from the setpoint to q (n,), with all joints arriving together."""
     arm.require_inside(q)
     velocity, acceleration = _bounds(arm)
     return partial(go_to, arm.setpoint.q, q, max_velocity=velocity, max_acceleration=acceleration)
 
 
 def pose_move(arm: ServedArm, goal: Pose) -> Callable[[], Trajectory]:
-    """Move all joints from the setpoint to those of a pose, as `joint_move`: a dVRK's tool, too, goes no straight line.
+    """Return a `joint_move` to a pose; not a straight line of the tool, as on a dVRK.
 
     [jhu-dvrk/sawIntuitiveResearchKit: mtsIntuitiveResearchKitArm::control_move_cp]
     """
     try:
         q = arm.tool.joints(goal, arm.setpoint.q, steps=_GOAL_STEPS)
-    except UnreachablePoseError:  # from where torques have pushed the arm to, say, its roll wound up
+    except UnreachablePoseError:  # from the setpoint, for example after torques have wound up the roll
         q = arm.tool.joints(goal, arm.tool.middle(arm.setpoint.q), steps=_GOAL_STEPS)
     return joint_move(arm, q)
 
@@ -421,12 +421,12 @@ def _bounds(arm: ServedArm) -> tuple[Floats, Floats]:
     return speed, arm.settings.acceleration_ratio * np.array([_ACCELERATION[unit] for unit in units])
 
 
-_REFUSED_FROM_M = 0.075  # [m] from the setpoint: the RAVEN-II refuses a servo_cp beyond
-_CLIPPED_TO_M = 0.015  # [m] a servo_cp goes at most
+_REFUSED_FROM_M = 0.075  # [m] distance to the setpoint beyond which the RAVEN-II refuses a servo_cp
+_CLIPPED_TO_M = 0.015  # [m] longest motion of a servo_cp
 
 
 def servo_pose(arm: ServedArm, pose: Pose, twist: Floats | None = None) -> None:
-    """Go towards a pose, as fast as a twist (6,): refused beyond 75 mm from the setpoint, at most 15 mm of the way."""
+    """Move up to 15 mm towards a pose, at the speed of a twist (6,); refuse poses over 75 mm from the setpoint."""
     start = arm.tool.pose(arm.setpoint.q)
     way = pose.position - start.position
     distance = float(np.linalg.norm(way))

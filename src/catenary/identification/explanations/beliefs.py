@@ -1,4 +1,4 @@
-"""What is known of an arm before a recording is looked at: from its file's masses, or from an identification.
+"""Prior knowledge of an arm's parameters, from its file's masses or from an identification.
 
 An identification gives its parameters' covariance, and friction of another day.
 """

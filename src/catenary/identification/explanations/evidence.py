@@ -1,14 +1,14 @@
-"""How likely a recording is under what a hypothesis supposes, in closed form from the columns' Gram matrices.
+"""Model evidence of a recording under a hypothesis, in closed form from the columns' Gram matrices.
 
-A Gaussian regression with Gaussian priors and a noise per joint, found by three EM steps under an inverse-gamma prior
-(MacKay, Information theory, inference and learning algorithms, 2003, ch. 28; Bishop, Pattern recognition and machine
-learning, 2006, sec. 3.5). Rows that hang together count as fewer: N / c, c the autocorrelation time of the widest fit
-times 1 + (relative residual / .04)^2, as every model is wrong by some per cent, of which more rows tell nothing.
+The model is a Gaussian regression with Gaussian priors; the noise per joint is found by three EM steps under an
+inverse-gamma prior (MacKay, Information theory, inference and learning algorithms, 2003, ch. 28; Bishop, Pattern
+recognition and machine learning, 2006, sec. 3.5). Correlated rows count as N / c rows, with c the autocorrelation time
+of the widest fit times 1 + (relative residual / .04)^2, as more rows do not reduce the few per cent of model error.
 
-Friction takes power: the evidence has the probability that it does, of each joint, after and over before.
+Friction dissipates power: the evidence includes the ratio of posterior to prior probability that it does, per joint.
 
-A gain g of a joint multiplies its torque by 1/g: the Gram matrix is the same, and the density has the Jacobian
-N log |1/g|. So a gain is weighed against torques as they are predicted; measured ones as a column explain themselves.
+A gain g of a joint multiplies its torque by 1/g: the Gram matrix is unchanged, and the density gets the Jacobian
+N log |1/g|. The gain is not a regression column of measured torques, which would explain themselves.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,19 +29,19 @@ from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 
 _ROWS = 240
-_KNOWN_STD = 1e-4  # of the factor of torques that are known beforehand, which is one
-_COARSE = 0.04  # of a torque, by which every model is wrong
-_NOISE_SHARE, _NOISE_DEGREES = 0.03, 4.0  # inverse-gamma prior of the noise: of the torque, degrees of freedom
-_FIRST_NOISE, _LEAST_NOISE = 4.0, 0.3  # times that
-_LEAST_INDEPENDENT = 12  # rows that count of a recording, however its residual hangs together
+_KNOWN_STD = 1e-4  # standard deviation of the factor, 1, on known torques
+_COARSE = 0.04  # relative error of every model's torque
+_NOISE_SHARE, _NOISE_DEGREES = 0.03, 4.0  # inverse-gamma prior of the noise: share of the torque, degrees of freedom
+_FIRST_NOISE, _LEAST_NOISE = 4.0, 0.3  # multiples of that noise: initial, least
+_LEAST_INDEPENDENT = 12  # least number of independent rows of a recording
 _EM_STEPS = 3
-_DRIVING_LOG = -10.0  # log probability that friction of a joint seems to drive it, as models are wrong
+_DRIVING_LOG = -10.0  # log probability that friction seems to drive a joint, from model error
 _KEPT_GRAMS, _KEPT_COLUMNS = 400, 4
 _LARGEST_LAG = 60  # rows
 
 
 class Extra(NamedTuple):
-    """A column (N, n) beside all others, with its prior."""
+    """An additional column (N, n) with its prior."""
 
     column: Floats
     mean: float
@@ -50,13 +50,13 @@ class Extra(NamedTuple):
 
 @dataclass(frozen=True)
 class Fit:
-    """A posterior: of all columns, the links' first, and what it leaves of the torques."""
+    """Posterior of all columns' parameters, the links' first, and residual of the torques."""
 
     log_evidence: float
     beta: Floats  # (p,)
     covariance: Floats  # (p, p)
     relative: Floats  # (n,) RMS of the residual over that of the torque
-    weight: Floats  # (n,) of a row: one over its variance, and the rows that count as one
+    weight: Floats  # (n,) of a row: 1 / (variance times the correlated rows that count as one)
     implausible: float  # squared Mahalanobis distance of the links' parameters from the file's, per parameter
 
 
@@ -82,9 +82,9 @@ class Evidence:
         rows: int = _ROWS,
         noise: Floats | None = None,
     ) -> None:
-        """Take a recording of an arm, and what is known of the arm: its file's masses when None.
+        """Set up the evidence of a recording, under a belief about the arm (its file's masses if None).
 
-        noise (n,) is the standard deviation of independent torques where it is known [Nm or N].
+        noise (n,) is the standard deviation of independent torques [Nm or N], if known.
         """
         self.belief = belief_of_file(model) if belief is None else belief
         self.model, self.rows = model, Rows(model, samples, rows, identified=self.belief.identified)
@@ -100,7 +100,7 @@ class Evidence:
             self.correlated = self._correlation()
 
     def believing(self, belief: Belief) -> "Evidence":
-        """Return the same recording for another belief of the same arm."""
+        """Return the evidence of the same recording under another belief about the arm."""
         other = copy(self)
         other.belief, other._priors, other._brakes = belief, {}, {}
         return other
@@ -119,17 +119,17 @@ class Evidence:
         return Fit(value, beta, covariance, relative, weight, distance / (PER_LINK * len(self.belief.links)))
 
     def over_spreads(self, supposed: Supposed) -> tuple[float, int]:
-        """Return the log evidence over all spreads of the belief, and which is the likeliest."""
+        """Return the log evidence over all spreads of the belief, and the index of the likeliest."""
         found = [self.log(supposed, k) + weight for k, weight in enumerate(self.belief.log_weights)]
         return float(np.logaddexp.reduce(found)), int(np.argmax(found))
 
     @property
     def shown(self) -> int:
-        """How many columns the links have."""
+        """Number of the links' columns."""
         return self.rows.shown.shape[1]
 
     def columns(self, supposed: Supposed) -> tuple[Floats, Beside, int]:
-        """Return the regressor (N, n, p), the prior of what stands beside the links, and the count of file's terms."""
+        """Return the regressor (N, n, p), the prior of columns other than the links', and the count of file's terms."""
         key = supposed.motion
         if key not in self._links:
             links = self.rows.links(supposed)
@@ -146,7 +146,7 @@ class Evidence:
         return side_by_side([links @ self.rows.shown, found]), beside, own
 
     def _gram(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats, Floats]:
-        """Return the columns' products with each other, with torques (n, p), and of torques (n,)."""
+        """Return the Gram matrix of the columns, their products with torques (n, p), and the torques' squares (n,)."""
         key = _key(supposed)
         if key not in self._grams or key not in self._columns or extra:
             X, beside, own = self.columns(supposed)
@@ -166,7 +166,7 @@ class Evidence:
         return gram, (y[:, None] @ by_joint)[:, 0], np.sum(y**2, axis=1)
 
     def _prior(self, which: int, loads: tuple[int, ...]) -> tuple[Floats, Floats, Floats, float]:
-        """Return mean, precision, variances and log determinant of the covariance of what the belief is about."""
+        """Return mean, precision, variances and log determinant of the covariance of the belief's parameters."""
         if (which, loads) not in self._priors:
             onto = self.onto
             reduced = onto.T @ self.belief.covariances[which] @ onto
@@ -175,7 +175,7 @@ class Evidence:
             log_determinant = float(np.linalg.slogdet(correlation)[1]) + 2.0 * float(np.log(scale).sum())
             precision, variances = np.linalg.inv(correlation) / np.outer(scale, scale), scale**2
             for link, load in (*self.belief.bodies, *((link, self.belief.load) for link in loads)):
-                # by Woodbury's identity: beside a body, what is known well of the arm would be lost to rounding
+                # by Woodbury's identity: a body's large covariance would lose the arm's small ones to rounding
                 W = onto[self.belief.own(link)].T @ load
                 S = np.eye(W.shape[1]) + W.T @ precision @ W
                 log_determinant += float(np.linalg.slogdet(S)[1])
@@ -186,7 +186,7 @@ class Evidence:
 
     @property
     def onto(self) -> Floats:
-        """Combinations (k, m) of what the belief is about that torques can show."""
+        """Combinations (k, m) of the belief's parameters that torques can show."""
         V, size = self.rows.shown, len(self.belief.mean)
         (k, r) = V.shape
         found = np.eye(size, r + size - k, r - k)
@@ -194,19 +194,17 @@ class Evidence:
         return found
 
     def precision(self, which: int) -> Floats:
-        """Return the inverse covariance (m, m) of what torques can show of the belief."""
+        """Return the inverse covariance (m, m) of the belief's parameters that torques can show."""
         return self._prior(which, ())[1]
 
     def body(
         self, link: int, load: Floats, fit: Fit, which: int = 0, loads: tuple[int, ...] = ()
     ) -> tuple[Floats, Floats]:
-        """Return the numbers (m,) of a body on a link, see `Belief.carrying`, after a recording, and their covariance.
+        """Return the posterior mean (m,) and covariance of a body's numbers on a link; see `Belief.carrying`.
 
         Args:
-            link: That carries it.
-            load: (10, m), part of the belief.
-            fit: The recording's.
-            which: Of the belief's spreads; loads: links that were supposed to carry one.
+            link, load: The link that carries the body, and (10, m) of the belief.
+            fit, which, loads: Fit of the recording, index of the belief's spread, links supposed to carry a load.
         """
         mean, precision, _, _ = self._prior(which, loads)
         W, k = self.onto[self.belief.own(link)].T @ load, len(mean)
@@ -214,7 +212,7 @@ class Evidence:
         return gain @ (fit.beta[:k] - mean), np.eye(W.shape[1]) - gain @ W + gain @ fit.covariance[:k, :k] @ gain.T
 
     def looked(self, supposed: Supposed, which: int) -> Callable[[Added], float]:
-        """Return a rough estimate of the evidence that an added cause would gain [nats], from one fit."""
+        """Return a function that estimates, from one fit, the evidence gained by an added cause [nats]."""
         fit, X = self.fit(supposed, which), self.columns(supposed)[0]
         left = self.rows.torques(supposed) / supposed.gains - X @ fit.beta
         counted = len(self.rows) / self.correlated[list(supposed.torque_order)]
@@ -223,7 +221,7 @@ class Evidence:
         def gain(one: Added) -> float:
             Z = self.rows.added(one, supposed) * one.sizes
             crossed = np.tensordot(weighted, Z, ((0, 1), (0, 1)))
-            own = Z - X @ (fit.covariance @ crossed)  # what the fit lacks
+            own = Z - X @ (fit.covariance @ crossed)  # part that the fit cannot explain
             whole = np.eye(Z.shape[2]) + np.tensordot(Z * fit.weight[:, None], own, ((0, 1), (0, 1)))
             number = np.linalg.solve(whole, np.tensordot(Z, left * fit.weight, ((0, 1), (0, 1))))
             ratio = np.mean(left**2, axis=0) / np.mean((left - own @ number) ** 2, axis=0)
@@ -232,7 +230,7 @@ class Evidence:
         return gain
 
     def added(self, fit: Fit, added: Added) -> Floats:
-        """Return the torques (N, n) of the last thing that a fit supposes to be added."""
+        """Return the torques (N, n) of the last added cause in a fit."""
         end = len(fit.beta) - self.model.n * bool(self.rows.known.any())
         return self.rows.added(added, self.plain) @ fit.beta[end - len(added.sizes) : end]
 
@@ -243,11 +241,11 @@ class Evidence:
     def _solved(
         self, supposed: Supposed, which: int, extra: Sequence[Extra]
     ) -> tuple[float, Floats, Floats, Floats, Floats, Floats]:
-        """Return log evidence, posterior mean and covariance, squares left (n,), size of torques, weights (n,)."""
+        """Return log evidence, posterior mean and covariance, residual squares (n,), torque sizes and weights (n,)."""
         gram, Xy, yy = self._gram(supposed, extra)
         order, x = list(supposed.torque_order), 1.0 / np.array(supposed.gains)
         mean, precision, own_variances, log_determinant = self._prior(which, supposed.loads)
-        skip = gram.own if len(mean) > self.shown else 0  # terms that the belief is about already
+        skip = gram.own if len(mean) > self.shown else 0  # terms that the belief already contains
         joint = gram.beside.joint[skip:]
         scale = np.where(joint >= 0, np.abs(x)[joint], 1.0)
         std = gram.beside.std[skip:] * scale
@@ -285,7 +283,7 @@ class Evidence:
         value = -0.5 * np.sum(counted * np.log(2.0 * np.pi * variance)) - 0.5 * w @ yy + 0.5 * right @ beta
         value -= 0.5 * (M @ KM + log_determinant) + float(np.log(np.diag(L)).sum() - np.log(d).sum())
         value += float(np.sum(counted * np.log(np.abs(x))))
-        if (key := (*_key(supposed), which)) not in self._brakes:  # that no gain changes
+        if (key := (*_key(supposed), which)) not in self._brakes:  # independent of gains
             self._brakes[key] = self._braking(gram.beside, M, np.diag(variances))
         value += self._braking(gram.beside, beta, C) - self._brakes[key]
         if self.noise is None:
@@ -293,7 +291,7 @@ class Evidence:
         return float(value), beta, C, rss, size, w
 
     def _braking(self, beside: Beside, mean: Floats, covariance: Floats) -> float:
-        """Return the log probability that friction of every joint takes power, joint by joint."""
+        """Return the sum over joints of the log probability that friction dissipates power."""
         tail = len(mean) - len(beside.power)
         total = 0.0
         for i in range(self.model.n):
@@ -305,7 +303,7 @@ class Evidence:
         return total
 
     def _correlation(self) -> Floats:
-        """Return over how many rows the residual of the widest fit hangs together, by joint (n,)."""
+        """Return the number of correlated rows (n,) that count as one, from the residual of the widest fit."""
         widest = len(self.belief.covariances) - 1
         fit = self.fit(self.plain, widest)
         X = self.columns(self.plain)[0]

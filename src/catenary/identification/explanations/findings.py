@@ -51,8 +51,7 @@ def explained_torques(
     """Return the findings of `torque_findings` with the evidence and hypotheses that they come from.
 
     Args:
-        model: The robot.
-        samples: Filtered rows of one recording.
+        model, samples: The robot, and filtered rows of one recording.
         settled: Names of hypotheses that are excluded.
     """
     evidence = Evidence(model, samples)
@@ -71,8 +70,7 @@ def findings_against(result: Identification, samples: Samples) -> list[Finding]:
     """Return the findings about a recording given an identified arm: a test, or a recording with a load.
 
     Args:
-        result: Identification of the arm.
-        samples: Filtered rows of the recording.
+        result, samples: Identification of the arm, and filtered rows of the recording.
     """
     evidence = Evidence(result.model, samples, belief_of(result))
     return _told(evidence, find_explanation(evidence))
@@ -149,8 +147,7 @@ def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | No
     Each half of the recordings is judged by the other half.
 
     Args:
-        model: The robot.
-        days: Filtered rows of each recording.
+        model, days: The robot, and filtered rows of each recording.
         belief: Prior of the arm's parameters; the file's when None.
 
     Returns:

@@ -1,8 +1,8 @@
-"""The hypotheses about a recording of torques, one record each: supposition, price and report.
+"""Hypotheses about faults in a recording of torques (load, gain, sign, zero, delay), one record each.
 
-Adding one is a function that yields candidates and a record in `HYPOTHESES`. A candidate that has a number is searched
-on a grid, then by parabolas, and the evidence integrated about its best (Laplace's method); prices are the nats by
-which it is less likely beforehand.
+A new hypothesis is a function that yields candidates, and a record in `HYPOTHESES`. The number of a candidate, if any,
+is searched on a grid and then by parabolas, and the evidence is integrated about its maximum (Laplace's method). A
+price is the negative log prior probability of a candidate, in nats.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -22,7 +22,7 @@ _Density = Callable[[float], float]
 
 
 class Trial(NamedTuple):
-    """What candidates are added to: an evidence, what is supposed already, and the belief's spread."""
+    """Starting point of candidates: evidence, current supposition, and index of the belief's spread."""
 
     evidence: Evidence
     supposed: Supposed
@@ -35,39 +35,39 @@ class Trial(NamedTuple):
     def cause(
         self, supposed: Supposed, says: str, joints: tuple[int, ...] = (), remedy: str = "", price: float = 0.0
     ) -> "PossibleCause":
-        """Return a supposition without a number as a cause, less likely beforehand by a price [nats]."""
+        """Return a supposition without a number as a cause with a price [nats]."""
         return PossibleCause(supposed, self.log(supposed) - price, says, joints, remedy)
 
     def scaled(self, factors: Floats) -> Supposed:
-        """Return that recorded torques are factors (n,) times what they are taken for so far."""
+        """Return the supposition with the gains of recorded torques multiplied by factors (n,)."""
         return replace(self.supposed, gains=tuple(np.array(self.supposed.gains) * factors))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The joints' names."""
+        """Names of the joints."""
         return self.evidence.model.joint_names
 
     @property
     def n(self) -> int:
-        """The number of joints."""
+        """Number of joints."""
         return self.evidence.model.n
 
     @property
     def moves(self) -> np.ndarray:
-        """Which joints move."""
+        """Flags (n,) of joints that move."""
         q = self.evidence.rows.samples.q
         return np.asarray(q.std(axis=0) > _LEAST_MOTION)
 
 
 class PossibleCause(NamedTuple):
-    """One way in which a recording may be explained."""
+    """A possible explanation of a recording."""
 
     supposed: Supposed
-    log_evidence: float  # under the trial's spread, integrated over its number
+    log_evidence: float  # under the trial's spread, integrated over the candidate's number
     says: str
     joints: tuple[int, ...] = ()
-    remedy: str = ""  # {rates:...} stands for what velocities need, where they were recorded
-    error: float = 0.0  # relative, of its number, or degrees over 90: above a tenth there is no advice
+    remedy: str = ""  # {rates:...} marks options that apply if velocities were recorded
+    error: float = 0.0  # relative error of the number, or degrees over 90; above a tenth no remedy is advised
 
 
 @dataclass(frozen=True)
@@ -75,14 +75,14 @@ class Hypothesis:
     """A kind of explanation.
 
     Args:
-        name: It has among explanations.
-        finding: Of `FINDINGS`, that it is reported as.
-        price: [nats] by which each of its candidates is less likely beforehand, from the number of joints.
-        candidates: What it tries.
-        of_arm: It is true of the arm: a note, and no fault of the data.
-        by_masses: Only a file's masses, or identified ones, can tell it.
-        mended: A recording can be mended, or identified as it is; otherwise it is a note.
-        by_identification: Only of an arm that was identified.
+        name: Name of the explanation.
+        finding: Name in `FINDINGS` under which it is reported.
+        price: Function from the number of joints to the price of each candidate [nats].
+        candidates: Generator of candidates.
+        of_arm: It is a property of the arm, reported as a note and not as a fault of the data.
+        by_masses: It can be detected only with known masses, from a file or identified.
+        mended: A remedy can correct it, so that it is a finding; otherwise it is a note.
+        by_identification: It applies only to an identified arm.
     """
 
     name: str
@@ -95,8 +95,8 @@ class Hypothesis:
     by_identification: bool = False
 
 
-UNSURE = 0.1  # relative error of a number, from which on it is no advice
-_LEAST_MOTION = 1e-3  # [rad, m] deviation of positions, below which a joint stands still
+UNSURE = 0.1  # relative error of a number from which it is not advised
+_LEAST_MOTION = 1e-3  # [rad, m] standard deviation of positions below which a joint stands still
 _SEARCH_STEPS, _SEARCH_SHRINK, _SEARCH_TOLERANCE = 8, 2.5, 0.02
 
 
@@ -109,7 +109,7 @@ def _either(first: _Density, second: _Density) -> _Density:
 
 
 def _integrated(log: _Density, grid: Floats, prior: _Density) -> tuple[float, float, float]:
-    """Return the argument of the maximum of log + prior, its log integral, and the standard deviation about it."""
+    """Return the argument of the maximum of log + prior, the log integral, and the standard deviation about it."""
 
     def f(x: float) -> float:
         return log(x) + prior(x)
@@ -129,7 +129,7 @@ def _integrated(log: _Density, grid: Floats, prior: _Density) -> tuple[float, fl
             else np.copysign(h, right - left)
         )
         best, x = max((best, x), (left, x - h), (right, x + h), (f(x + step), x + step))
-        if h < _SEARCH_TOLERANCE and -1.0 < bend < 0.0:  # as fine as what the evidence tells
+        if h < _SEARCH_TOLERANCE and -1.0 < bend < 0.0:  # finer than the evidence resolves
             break
     precision = max(-curvature, 1e-9)
     return x, best + 0.5 * float(np.log(2.0 * np.pi / precision)), precision**-0.5
@@ -141,7 +141,7 @@ def _scales(trial: Trial, factors: Floats) -> str:
     return " ".join(f"--scale tau:{name}={1.0 / factor:.4g}" for name, factor in pairs if factor != 1.0)
 
 
-_OTHER_LINK_PRICE = 3.0  # log of it times the number of links, for a load that is not on the tip's link
+_OTHER_LINK_PRICE = 3.0  # its log times the number of links is the price of a load that is not on the tip's link
 _LOG_GAINS = np.array([-2.4, -1.2, -0.6, -0.2, 0.0, 0.2, 0.6, 1.2, 2.4])
 
 
@@ -167,7 +167,7 @@ def _gain(trial: Trial) -> Iterator[PossibleCause]:
         yield PossibleCause(put(u), value, says, (int(np.argmax(only)),), _scales(trial, np.exp(u * only)), std)
 
 
-_FLIPS = {  # what has the other sign: reported as, and mended by
+_FLIPS = {  # fields with the other sign: report, and remedy
     ("gains",): ("torques of {0} have the other sign", "--sign tau:{0}"),
     ("signs",): ("positions of {0} count the other way", "--sign q_nominal:{0}{{rates:--sign qd:{0}}}"),
     ("signs", "gains"): (
@@ -208,13 +208,13 @@ def _zero(trial: Trial) -> Iterator[PossibleCause]:
         )
 
 
-_FRICTION_SHARE = 0.3  # of a joint's torque: deviation beforehand of a change of friction
-_CHANGE_SHARES = np.linspace(0.15, 0.85, 15)  # of the recording, at which a change is tried
+_FRICTION_SHARE = 0.3  # prior standard deviation of a change of friction, as a share of a joint's torque
+_CHANGE_SHARES = np.linspace(0.15, 0.85, 15)  # shares of the recording at which a change is tried
 _MEAN = ": what is printed is a mean of before and after"
 
 
 def _added(trial: Trial, one: Added, says: str) -> PossibleCause:
-    """Return something that is added to torques as a cause, reported with joint, amount and time."""
+    """Return an added torque as a cause, reported with joint, amount and time."""
     supposed = replace(trial.supposed, added=(*trial.supposed.added, one))
     fit, i = trial.evidence.fit(supposed, trial.which), one.joint
     if i >= 0:
@@ -242,7 +242,7 @@ def _friction(trial: Trial) -> Iterator[PossibleCause]:
 
 
 def _changes(trial: Trial, shape: str, sizes: Sequence[tuple[float, ...]], says: str) -> Iterator[PossibleCause]:
-    """Yield the change along a recording that looks best by one fit without it; sizes are joints', or the load's."""
+    """Yield the best change along a recording, estimated from one fit without it; sizes are of joints or the load."""
     evidence, time = trial.evidence, trial.evidence.rows.samples.time
     if evidence.rows.still or any(one.shape == shape for one in trial.supposed.added):
         return
@@ -268,7 +268,7 @@ def _turn(trial: Trial) -> Iterator[PossibleCause]:
     time = trial.evidence.rows.samples.time
 
     def best(joints: Iterable[int], shares: Floats) -> tuple[float, int, float]:
-        """Return the largest log evidence, the joint that turns, and at which share of the recording."""
+        """Return the largest log evidence, the joint whose sign turns, and the share of the recording at which."""
         tried = ((i, share, (i, float(time[0] + share * np.ptp(time)))) for i in joints for share in shares)
         return max((trial.log(replace(trial.supposed, turned=(at,))), i, float(share)) for i, share, at in tried)
 
@@ -342,7 +342,7 @@ def _currents(trial: Trial) -> Iterator[PossibleCause]:
         yield _in_unit(trial, "percent of the joints' effort limits", _PERCENT / limits)
 
 
-_GRAVITY_SHARES = np.linspace(-0.2, 1.8, 6)  # of gravity, that torques hold
+_GRAVITY_SHARES = np.linspace(-0.2, 1.8, 6)  # shares of gravity in the torques
 
 
 def _no_gravity(trial: Trial) -> Iterator[PossibleCause]:
@@ -368,7 +368,7 @@ _WALLS = {
 _TILT_RAD, _WALL_RAD = np.deg2rad(6.0), np.deg2rad(10.0)  # standard deviations
 _WALL_PRICE, _TILT_STEPS = 3.0, 3
 _NAMED_RAD = np.deg2rad(10.0)
-_SURE_TILT_RAD = 0.3  # the error of smaller ones is reported as of this
+_SURE_TILT_RAD = 0.3  # least tilt to which an error is related
 
 
 def _tilt(trial: Trial) -> Iterator[PossibleCause]:
@@ -398,7 +398,7 @@ def _tilt(trial: Trial) -> Iterator[PossibleCause]:
 
 
 def _turned(trial: Trial, start: Floats, std: float) -> tuple[Supposed, float, float]:
-    """Return gravity turned from a start by what fits, the evidence over both angles, and their error [rad]."""
+    """Return the best gravity direction near a start, the evidence over both angles, and their error [rad]."""
     size, across = float(np.linalg.norm(start)), np.linalg.svd(start[None])[2][1:] * np.linalg.norm(start)
     supposed, turn = replace(trial.supposed, gravity=tuple(start)), np.zeros(2)
     for _ in range(_TILT_STEPS):
@@ -448,7 +448,7 @@ def _shared_drive(trial: Trial) -> Iterator[PossibleCause]:
 _DELAYS_S = np.array([-160, -80, -40, -20, -10, -5, 0, 5, 10, 20, 40, 80, 160]) / 1e3
 _DELAYS_OF_JOINT_S = np.array([-40, -20, 20, 40]) / 1e3
 _DELAY_STD_S = 0.03
-_LEAST_DELAY_S = 0.012  # of real arms' delays intervals contain zero, and are about 10 ms wide at best
+_LEAST_DELAY_S = 0.012  # intervals of real arms' delays contain zero, and are about 10 ms wide at best
 
 
 def _delay(trial: Trial) -> Iterator[PossibleCause]:

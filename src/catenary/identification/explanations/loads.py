@@ -20,7 +20,7 @@ from catenary.identification.explanations.beliefs import Belief
 from catenary.identification.explanations.evidence import Evidence, Extra, Fit
 from catenary.identification.explanations.findings import posterior
 
-_LOAD_PRICE = 1.0  # [nats] by which a load is less likely beforehand than none
+_LOAD_PRICE = 1.0  # [nats] negative log prior odds of a load
 _GAIN_STD, _TILT_STD_RAD, _FRICTION_STD = 0.05, np.deg2rad(2.5), 0.3
 _POINT_MASSES, _POINT_STARTS = (1.0 / 64.0, 2.0), 4  # of a load's deviation: the least and largest that is tried
 _POINT_STEPS, _WEIGHED_NATS = 20, 7.0  # of one start; below the likeliest difference that is weighed as point mass

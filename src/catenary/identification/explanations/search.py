@@ -26,7 +26,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class ExplainedRecording:
-    """What explains a recording, and what it leaves."""
+    """Explanation of a recording, with its residual."""
 
     causes: tuple[Cause, ...]
     supposed: Supposed

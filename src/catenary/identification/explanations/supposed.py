@@ -1,4 +1,4 @@
-"""What one hypothesis supposes was done to a recording, or is true of its arm."""
+"""A hypothesis' suppositions about changes to a recording, or about its arm."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -122,7 +122,7 @@ class Candidate:
 
     @property
     def rate(self) -> float:
-        """Rows a second [Hz]; NaN where there is no time."""
+        """Rows a second [Hz]; NaN if there is no time."""
         arrival = self.stream.arrival
         if arrival is None or len(arrival) < 2 or arrival[-1] <= arrival[0]:
             return float("nan")
@@ -296,7 +296,7 @@ def _of_table(stream: Stream, today: float, model: Jointed | None) -> list[Candi
 
 
 def moving_columns(stream: Stream, today: float) -> MovingColumns | None:
-    """Return the quantities of a nameless table's columns, by their motion; None where it does not determine them."""
+    """Return the quantities of a nameless table's columns, by their motion; None if it does not determine them."""
     if not is_nameless(stream) or set(_words(next(iter(stream.columns)))) & _OF_QUANTITIES:
         return None
     times = {*time_columns(stream), *stream.dates}

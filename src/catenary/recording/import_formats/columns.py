@@ -23,7 +23,7 @@ _INDEXED = re.compile(r"(?P<base>.*)\[(?P<part>[^\[\]]*)\]\Z", re.DOTALL)
 
 @dataclass(frozen=True)
 class Stream:
-    """A topic or a table as columns of numbers; NaN where a row has no such number."""
+    """A topic or a table as columns of numbers; NaN if a row has no such number."""
 
     name: str  # topic, or the name of the file
     type: str  # of messages, or "table"
@@ -92,7 +92,7 @@ def joined(parts: Sequence[Stream]) -> Stream:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a column of numbers is found."""
+    """Place of a column of numbers: stream and name."""
 
     stream: str
     column: str

@@ -39,7 +39,7 @@ _PLACES = {"ymd": r"\1-\2-\3 ", "dmy": r"\3-\2-\1 ", "mdy": r"\3-\1-\2 "}
 
 @dataclass(frozen=True)
 class DateFormat:
-    """How the dates or times of day of a column are written."""
+    """Format of a column's dates or times of day."""
 
     order: str  # "ymd", "dmy" or "mdy"; "" for times of day without a date
     has_clock: bool
@@ -78,7 +78,7 @@ class DateFormat:
 
 
 def date_format(texts: Sequence[str]) -> DateFormat | None:
-    """Return the common date format of some texts; None where they are no dates.
+    """Return the common date format of some texts; None if they are no dates.
 
     The order of day and month is inferred from a year that comes first, a month by name, points (day first), a number
     above 12, or the shorter of the two times that would have passed.
@@ -140,7 +140,7 @@ _TRUTH_CELLS = {"true", "false"}
 NAMELESS_ARRAY = (
     "data"  # how the columns of a table without names are called, as those of a .npy: data[0], data[1], ...
 )
-_EXACT = 2.0**53  # from which on a float64 has not every whole number
+_EXACT = 2.0**53  # from which a float64 has not every whole number
 _COMMENT = re.compile(r"\s*(#|%|//)[#%/\s]*")
 _UNIT = re.compile(
     r"[\[(]?\s*(|-|1|s|sec|ms|us|µs|ns|rad|deg|°|m|mm|cm|um|nm|n|a|ma|v|hz|counts?|ticks?"
@@ -156,7 +156,7 @@ Kind = Literal["number", "whole", "truth", "date", "text"]
 
 
 class TextDialect(NamedTuple):
-    """What separates columns, and whole numbers from their decimals."""
+    """Separator of columns, and decimal separator."""
 
     separator: str  # " " for any number of blanks
     decimal: str
@@ -187,7 +187,7 @@ class TextColumn(NamedTuple):
 
 
 class TextHead(NamedTuple):
-    """How a text table is read."""
+    """Format of a text table."""
 
     dialect: TextDialect
     width: int  # cells of a row, empty ones at the end included
@@ -546,7 +546,7 @@ def _arrow_type(column: TextColumn) -> pa.DataType:
 
 
 def _numbers(column: TextColumn, batch: pa.RecordBatch, carried: dict[str, tuple[int, int | None]]) -> NDArray[Any]:
-    """Return a column's cells in a batch as numbers; NaN where there is none."""
+    """Return a column's cells in a batch as numbers; NaN if there is none."""
     cells = [batch.column(str(place)) for place in column.places]
     one = cells[0]
     if column.element is not None:

@@ -159,7 +159,7 @@ class _Content:
 
 
 def _units_of(data: "h5py.Dataset") -> list[str]:
-    """Return the units that attributes of an array state, one or one for each of its columns; none where none does."""
+    """Return the units that attributes of an array state, one or one for each of its columns; none if none does."""
     stated = np.ravel(next((data.attrs[key] for key in ("units", "Units", "unit") if key in data.attrs), [])).tolist()
     return [value.decode(errors="replace") if isinstance(value, bytes) else str(value) for value in stated]
 

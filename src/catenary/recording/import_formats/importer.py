@@ -1,4 +1,4 @@
-"""A recording of any make into a MotionLog, by a mapping."""
+"""Import of third-party recordings into a MotionLog, by a mapping of columns to quantities."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -27,21 +27,21 @@ from catenary.transmission.cable_elasticity import joint_forces
 from catenary.verdict.turns import TURN, in_one_turn, unwrapped
 
 _SIGNED = "-"
-_BESIDE_NS = 10_000_000  # [ns] before and after a pose, between which a speed is taken
+_BESIDE_NS = 10_000_000  # [ns] before and after a pose, for a speed by finite differences
 
 
 class _Found(NamedTuple):
-    """Where the columns of a quantity are, and the sign of each."""
+    """Places of a quantity's columns, and the sign of each."""
 
     places: list[Place]
     sign: Floats
 
 
 class _Columns:
-    """Where the columns of each quantity are, and those that are to be read, by stream."""
+    """Places of each quantity's columns, and the columns to read from each stream."""
 
     def __init__(self, where: str, mapping: RecordingMapping, streams: Sequence[Stream]) -> None:
-        """Find what a mapping names."""
+        """Find the columns that a mapping names."""
         self._streams = streams
         self.wanted: dict[str, dict[str, None]] = {}
         self.found: dict[str, _Found] = {}  # of JOINT_QUANTITIES, "ok", "signal NAME" and "pose"
@@ -77,11 +77,11 @@ class _Columns:
 
     @property
     def joints(self) -> list[str]:
-        """Quantities that have a column for each joint."""
+        """Quantities with a column for each joint."""
         return [key for key in JOINT_QUANTITIES if key in self.found]
 
     def _find(self, key: str, references: Sequence[str], *, optional: bool = False) -> None:
-        """Find references, and keep them to be read; nothing of what is optional and not there."""
+        """Find the columns of references, and mark them to be read; skip a missing optional quantity."""
         places, signs = list[Place](), list[float]()
         for reference in references:
             try:
@@ -106,24 +106,23 @@ class _Columns:
 
 
 class Synchronisation(NamedTuple):
-    """A motion log, with reports on the streams that it was made from."""
+    """A motion log, with reports on its source streams."""
 
     log: MotionLog
     topics: tuple[TopicReport, ...]
     without_encoder: int  # rows whose `ok` is not set
-    rows: Integers  # (N,) of q_nominal's stream that each row of the log is
+    rows: Integers  # (N,) index of each row of the log in q_nominal's stream
 
 
 class NoRowError(InputError):
-    """No row has all that a log must have."""
+    """No row has all required quantities."""
 
 
 def columns_wanted(sources: Sources, mapping: RecordingMapping) -> Mapping[str, Collection[str]]:
-    """Return the columns that a mapping wants of each stream, those of time included; q_nominal's stream first.
+    """Return the columns of each stream that a mapping needs, time included; q_nominal's stream first.
 
     Args:
-        sources: Files of the recording.
-        mapping: Columns of each quantity.
+        sources, mapping: Files of the recording, and columns of each quantity.
     """
     return _Columns(", ".join(path.name for path in sources.paths), mapping, sources.streams).wanted
 
@@ -131,18 +130,16 @@ def columns_wanted(sources: Sources, mapping: RecordingMapping) -> Mapping[str, 
 def synchronise(
     sources: Sources, mapping: RecordingMapping, *, model: RobotModel | None = None, is_piece: bool = False
 ) -> Synchronisation:
-    """Read a recording by a mapping, on one clock.
+    """Read a recording by a mapping, with all quantities at the times of q_nominal.
 
-    Rows are the samples of q_nominal; quantities with other stamps are interpolated between their two neighbours in
-    time, and `ok` is cleared where q_encoder has none within the gap. Rows that lack q_nominal, qd, tau or a signal are
-    left out.
+    Quantities with other stamps are interpolated between their two neighbours in time, and `ok` is cleared where
+    q_encoder has no neighbours within the largest gap. Rows without q_nominal, qd, tau or a signal are left out.
 
     Args:
-        sources: Files of the recording.
-        mapping: Columns of each quantity.
-        model: Robot; the mapping's when None.
-        is_piece: Whether this is a piece of a longer recording, where q_encoder may be on no row, and optional
-            quantities are those of the sample.
+        sources, mapping: Files of the recording, and columns of each quantity.
+        model: Robot; the mapping's if None.
+        is_piece: The files are a piece of a longer recording, in which q_encoder may be missing, and the sample
+            decides on optional quantities.
 
     Raises:
         InputError: A column is missing, units contradict the joints', or no row is left.
@@ -161,7 +158,7 @@ def synchronise(
     units, inferred, assumed, said = joint_units_of(mapping, nominal, model, names)
     notes += said
     streams = sources.read({stream: list(columns) for stream, columns in columns.wanted.items()})
-    for place in found["ok"].places if "ok" in found else ():  # 1 where it is not 0, NaN where it has no number
+    for place in found["ok"].places if "ok" in found else ():  # 1 for a number other than 0, NaN for no number
         values = streams[place.stream].columns[place.column].astype(np.float64)
         truths = np.where(np.isfinite(values), values != 0.0, np.nan)
         streams[place.stream] = streams[place.stream].with_column(place.column, truths)
@@ -171,7 +168,7 @@ def synchronise(
     for key, own in joints.items():
         encoder = _candidate(own.places, sources.streams, names)
         scaled[key] = own.sign * _scale(key, mapping, encoder, nominal, units, inferred or units, notes)
-    for key, own in found.items():  # before any of it is unwrapped, or lies on a line to its neighbours
+    for key, own in found.items():  # before unwrapping and interpolation
         count = 0
         for j, place in enumerate(own.places if key in (*joints, "pose") else ()):
             stream = streams[place.stream]
@@ -195,7 +192,7 @@ def synchronise(
     in_si = {key: partial(_in_si, key, getattr(mapping, key), scaled[key]) for key in joints}
     of_log = {name: one for name, one in streams.items() if name in used}
     clock = OneClock(of_log, places, mapping, sources.today, in_si, units)
-    del streams, of_log  # of a long recording as large as all that is made of it
+    del streams, of_log  # to save memory
 
     rows = {key: in_si[key](clock.rows(key)) for key in joints}
     further = {
@@ -220,7 +217,7 @@ def synchronise(
     notes += said
     rows |= {} if measured is None else {"q_encoder": measured}
     is_there = np.ones(len(whole), dtype=bool) if measured is None else np.isfinite(measured).all(axis=1)
-    # 1 where both samples around a row are: a row between a good one and another is made of both
+    # 1 if both neighbours of an interpolated row are ok
     ok = np.asarray(is_there & (clock.rows("ok") == 1.0).all(axis=1) if "ok" in found else is_there)
     if measured is not None and not ok.any() and not is_piece:
         why = "ok is set on none that has q_encoder" if is_there.any() else "q_encoder is measured on none"
@@ -276,7 +273,7 @@ def _scale(
     inferred: Units,
     notes: list[str],
 ) -> Floats:
-    """Return factors of a quantity's columns to SI (n,): of the mapping, the columns, or q_nominal."""
+    """Return factors of a quantity's columns to SI (n,), from the mapping, the columns or q_nominal."""
     quantity, n = getattr(mapping, key), len(units)
     stated, factor = factors(key, quantity, units, n)
     if key == "tau" and not quantity.scale and not mapping.name:
@@ -299,7 +296,7 @@ def _scale(
 def _with_texts(
     where: str, mapping: RecordingMapping, streams: Sequence[Stream], places: Sequence[Place]
 ) -> tuple[RecordingMapping, bool]:
-    """Return a mapping with the joints' names and units that a file's own texts state, and whether it states units."""
+    """Return a mapping with joint names and units from a file's own texts, and whether these state units."""
     texts = next(stream.texts for stream in streams if stream.name == places[0].stream)
     n = len(places)
 
@@ -329,7 +326,7 @@ def _with_texts(
 
 
 def _candidate(places: Sequence[Place], streams: Sequence[Stream], names: Sequence[str]) -> Candidate:
-    """Return columns with the numbers that their units are inferred from."""
+    """Return columns with their numbers, to infer units from."""
     by_name = {stream.name: stream for stream in streams}
     columns = {place.column: by_name[place.stream].columns[place.column] for place in places}
     own = tuple("" for _ in names) if tuple(names) == nameless(len(names)) else tuple(names)
@@ -340,7 +337,7 @@ def _candidate(places: Sequence[Place], streams: Sequence[Stream], names: Sequen
 def _joint_names(
     mapping: RecordingMapping, model: RobotModel | None, places: Sequence[Place], streams: Sequence[Stream]
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Return the joints' names: the mapping's, the robot's that the recording's mean, its own, or J1, J2, ..."""
+    """Return joint names: the mapping's, the robot's matched to the recording's, the recording's, or J1, J2, ..."""
     n = len(places)
     if mapping.joint_names:
         if model is not None:
@@ -355,7 +352,7 @@ def _joint_names(
     meant = joints_meant(said, model)
     is_known, listed = all(meant) and len(set(meant)) == n, len(mapping.q_nominal.columns) == n
     names = meant if is_known else model.joint_names[:n]
-    # a number in a column's name is hardly that of a joint, where not all of them are
+    # a number in a column's name is rarely a joint's number unless all columns have one
     astray = any(each not in ("", j) and not each[-1].isdigit() for j, each in zip(names, meant, strict=True))
     if astray or (own and not is_known and not listed):
         raise InputError(
@@ -368,7 +365,7 @@ def _joint_names(
 
 
 def recorded_joints(places: Sequence[Place], streams: Sequence[Stream]) -> tuple[str, ...]:
-    """Return the names that the recording gives columns' joints; empty where one has none, or two have one."""
+    """Return the recording's joint names of columns; empty if a name is missing or occurs twice."""
     own = []
     for place in places:
         stream = next(s for s in streams if s.name == place.stream)
@@ -380,7 +377,7 @@ def recorded_joints(places: Sequence[Place], streams: Sequence[Stream]) -> tuple
 def _ordered_by_name(
     columns: _Columns, mapping: RecordingMapping, streams: Sequence[Stream], model: RobotModel | None
 ) -> list[str]:
-    """Put whole arrays, parts of them and patterns into the order of q_nominal's joints by name; say so."""
+    """Sort columns of arrays and patterns into the order of q_nominal's joints by name; return notes."""
 
     def names_of(key: str) -> tuple[str, ...]:
         places = columns.found[key].places
@@ -411,7 +408,7 @@ def _ordered_by_name(
 
 
 def _by_joint(missing: Flags, names: Sequence[str]) -> str:
-    """Return the number of missing rows by joint, " (J2 4)"; empty where they lack all of them."""
+    """Return the number of missing rows by joint, as " (J2 4)"; empty if the same for all joints."""
     counts = missing.sum(axis=0).tolist()
     if len(counts) != len(names) or len(set(counts)) == 1:
         return ""
@@ -419,7 +416,7 @@ def _by_joint(missing: Flags, names: Sequence[str]) -> str:
 
 
 def _whole_rows(rows: dict[str, Floats], names: Sequence[str], notes: list[str]) -> Flags:
-    """Return the rows that have all that a log must have on each; say what others lack."""
+    """Return flags of rows with all required quantities; add notes on the other rows."""
     whole = np.ones(len(rows["q_nominal"]), dtype=bool)
     for key, values in rows.items():
         if key == "q_encoder":
@@ -435,7 +432,7 @@ def _whole_rows(rows: dict[str, Floats], names: Sequence[str], notes: list[str])
 def _tracked(
     clock: OneClock, tracked: TrackedPose, model: RobotModel, scale: Floats, names: Sequence[str], notes: list[str]
 ) -> Floats:
-    """Return the joints that poses stand for, at the stamps of q_nominal."""
+    """Return the joint positions of tracked poses, at the stamps of q_nominal."""
     from catenary.recording.import_formats.registration import TrackedPoses
     from catenary.recording.import_formats.tracked_pose import joints_from_poses, positions_and_rotations, registered
 
@@ -454,7 +451,7 @@ def _tracked(
         start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
         speed = np.zeros_like(start)
         start[:, chosen] = near
-        if clock.is_timed:  # rows without time tell no delay
+        if clock.is_timed:  # rows without time have no speed
             speed[:, chosen] = np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE_NS)))
         return TrackedPoses(*measured, start, speed)
 
@@ -467,7 +464,7 @@ def _tracked(
 
 
 def _in_si(key: str, quantity: Quantity, scale: Floats, values: Floats) -> Floats:
-    """Return columns (N, n) in SI, those of motors as those of the joints where a coupling is stated."""
+    """Return columns (N, n) in SI, converted from motors to joints if a coupling is stated."""
     rows = values * scale
     if quantity.coupling is None:
         return rows
@@ -483,7 +480,7 @@ def _in_si(key: str, quantity: Quantity, scale: Floats, values: Floats) -> Float
 
 
 def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
-    """Return a mapping in a line, its patterns as the columns that they stand for."""
+    """Return a mapping as one line, with patterns replaced by the matched columns."""
     parts = []
     for key in JOINT_QUANTITIES:
         quantity: Quantity | None = getattr(mapping, key)
@@ -497,7 +494,7 @@ def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
 
 
 def _settled(mapping: RecordingMapping, joints: dict[str, _Found], *, in_file: bool) -> dict[str, tuple[str, ...]]:
-    """Return the corrections that the mapping states, which a model's own do not override."""
+    """Return the corrections stated in the mapping, which have priority over a model's."""
     said = [] if mapping.assumed_units and not in_file else ["units"]
     settled = [step for step in (*said, "time_unit") if step not in mapping.unsettled]
     for key, columns in joints.items():
@@ -511,7 +508,7 @@ def _settled(mapping: RecordingMapping, joints: dict[str, _Found], *, in_file: b
 def unwrap_columns(
     streams: Mapping[str, Stream], places: Sequence[Place], scale: Floats, units: Sequence[str], names: Sequence[str]
 ) -> tuple[dict[str, Stream], dict[str, int]]:
-    """Make angles at `places` continuous, which `scale` (n,) makes rad; say how often each joint jumped by a turn."""
+    """Unwrap the angles at `places`, in rad after `scale` (n,); return the streams and the jumps of each joint."""
     changed, jumped = dict(streams), dict[str, int]()
     for place, factor, unit, name in zip(places, scale, units, names, strict=True):
         if unit != "rad":

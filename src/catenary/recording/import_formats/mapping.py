@@ -124,7 +124,7 @@ class Signal(Settings):
 
 
 class RecordingMapping(Settings):
-    """Which columns of a recording are which quantity; see docs/how-to-bring-your-recordings.md."""
+    """Columns of a recording for each quantity; see docs/how-to-bring-your-recordings.md."""
 
     q_nominal: Quantity
     q_encoder: Quantity | None = None
@@ -190,7 +190,7 @@ def mapping_of(
     units: str | None = None,
     settings: Mapping[str, object] | None = None,
 ) -> RecordingMapping | None:
-    """Return the mapping that options give, on top of a file's, or of its content; None where there is none of them.
+    """Return the mapping that options give, on top of a file's, or of its content; None if there is none of them.
 
     Args:
         options: Such as "q_nominal=/raven/joint_cmd.position", "q_encoder=a,b,-c@deg,deg,mm", "ok=valid", "time=t@ms"

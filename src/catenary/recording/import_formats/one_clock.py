@@ -21,7 +21,7 @@ from catenary.recording.import_formats.two_clocks import FileClock, NothingInCom
 from catenary.topics import SECOND
 from catenary.verdict.delay import TOLERANCE_S
 
-DIFFERENT_CLOCKS_S = 1.0  # [s] between the clocks of two topics' stamps from which on they are no one clock
+DIFFERENT_CLOCKS_S = 1.0  # [s] between the clocks of two topics' stamps from which they are no one clock
 _FIRST_DATED_NS = 10**9 * SECOND  # [ns] below which stamps count from a zero of their own
 _BASE = "q_nominal"  # the quantity whose samples are the rows
 # of a quantity's rows, or of q_nominal's: a table that lacks more of them has the two at rates of their own
@@ -142,7 +142,7 @@ class OneClock:
         return {name: of[file_of[name]] for name in streams if file_of[name] in of}
 
     def _by_motion(self, key: str, file: str, in_si: Mapping[str, InSi], units: tuple[str, ...]) -> FileClock | None:
-        """Return the clock of a file that saw the joints; None where it may well be that of q_nominal's."""
+        """Return the clock of a file that saw the joints; None if it may well be that of q_nominal's."""
         base, its = self.samples(_BASE), self.samples(key)
         if base is None or its is None:
             return None

@@ -1,4 +1,4 @@
-"""The mapping that a recording suggests, as TOML to edit; what cannot be inferred is asked, never chosen in silence."""
+"""Proposal of a mapping for a recording, as TOML to edit, with open questions where columns are ambiguous."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ _MAX_JOINTS_SHOWN = 8
 
 
 class Proposal(NamedTuple):
-    """A mapping as TOML, what was decided in it, what is left to the reader, and what of the recording it leaves."""
+    """A proposed mapping as TOML, with decisions, open questions and unused columns."""
 
     toml: str
     decisions: tuple[str, ...]
@@ -40,7 +40,7 @@ class Proposal(NamedTuple):
     not_used: tuple[str, ...] = ()
 
     def accepted(self) -> RecordingMapping:
-        """Return the mapping."""
+        """Return the mapping, or refuse it if questions are open."""
         if self.questions:
             raise InputError(
                 "the proposed mapping leaves open: " + "; ".join(self.questions) + ". Answer, or edit it:\n" + self.toml
@@ -56,12 +56,12 @@ class _Draft:
     top: list[str] = field(default_factory=list)
     tables: list[str] = field(default_factory=list)
     decisions: list[str] = field(default_factory=list)
-    questions: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)  # text and choices, by what about
+    questions: dict[str, tuple[str, dict[str, str]]] = field(default_factory=dict)  # text and choices, by subject
     heard: set[str] = field(default_factory=set)
     used: dict[str, set[str]] = field(default_factory=dict)  # columns of streams
 
     def ask(self, about: str, text: str, choices: Mapping[str, str], *, is_free: bool = False) -> str | None:
-        """Return the answer: a choice or a part of one alone, or where they are examples, any; None without."""
+        """Return the answer: a choice or an unambiguous part of one, any text if `is_free`; None if unanswered."""
         if about not in self.answers:
             self.questions[about] = (text, dict(choices))
             return None
@@ -79,11 +79,11 @@ class _Draft:
 def propose(
     sources: Sources, *, robot: str | None = None, units: str | None = None, answers: Mapping[str, str] | None = None
 ) -> Proposal:
-    """Propose which columns are which quantity.
+    """Propose the columns of each quantity.
 
     Args:
         sources: Files of the recording.
-        robot: Catalogue name or file: names, units and limits of the joints.
+        robot: Catalogue name or file of a robot, for names, units and limits of joints.
         units: Units of q_nominal, and of q_encoder if it states none.
         answers: Answers to open questions.
     """
@@ -147,7 +147,7 @@ def propose(
 
 
 def answers_of(options: Sequence[str]) -> dict[str, str]:
-    """Return answers such as "q_encoder=cam" by what they are about."""
+    """Return answers such as "q_encoder=cam" by question."""
     parted = {option: option.partition("=") for option in options}
     for option, (about, _, answer) in parted.items():
         if not about.strip() or not answer.strip():
@@ -156,7 +156,7 @@ def answers_of(options: Sequence[str]) -> dict[str, str]:
 
 
 def _asked_units(quantity: str, units: Sequence[str], why: str, draft: _Draft) -> tuple[tuple[str, ...], str]:
-    """Return units that are not sure as they were answered, or as they stand with the question."""
+    """Return uncertain units as answered, or as inferred with an open question."""
     about, stand = f"{quantity}.units", ",".join(units)
     other = ",".join({"rad": "deg", "deg": "rad", "m": "mm", "mm": "m"}.get(unit, unit) for unit in units)
     choices = {stand: "as they stand below", other: "or any of rad, deg, m, mm for each"}
@@ -170,7 +170,7 @@ def _asked_units(quantity: str, units: Sequence[str], why: str, draft: _Draft) -
 
 
 def _not_set_aside(found: Sequence[Candidate], draft: _Draft) -> list[Candidate]:
-    """Return the moving columns; of an arm at rest those named as joint positions, in place of others that move."""
+    """Return the columns that move; for an arm at rest, instead of other positions, those named as joint positions."""
     kept = [one for one in found if one.moves]
     others = [one for one in kept if one.kind != "position" or one.role == "measured outside"]
     resting = [one for one in found if len(one.columns) > 1]  # a column alone may be anything
@@ -187,7 +187,7 @@ def _not_set_aside(found: Sequence[Candidate], draft: _Draft) -> list[Candidate]
 
 
 def _as_answered(answer: str | None, streams: Sequence[Stream]) -> Candidate | None:
-    """Return the columns that an answer lists; None without one."""
+    """Return the columns listed in an answer; None without an answer."""
     places = [place for reference in words_of(answer) for place in places_of(reference, streams)]
     columns = tuple(place.column for place in places)
     of = [stream for stream in streams if columns and stream.name == places[0].stream]
@@ -197,7 +197,7 @@ def _as_answered(answer: str | None, streams: Sequence[Stream]) -> Candidate | N
 def _positions(
     found: Sequence[Candidate], streams: Sequence[Stream], draft: _Draft
 ) -> tuple[Candidate | None, Candidate | None]:
-    """Choose the reported or commanded positions, and the measured ones."""
+    """Choose q_nominal, reported or commanded positions, and q_encoder, measured ones."""
 
     def of(role: Role) -> list[Candidate]:
         return [one for one in found if one.kind == "position" and one.role == role]
@@ -265,7 +265,7 @@ def _positions(
 
 
 def _command_and_measurement(found: Sequence[Candidate]) -> tuple[Candidate, Candidate] | None:
-    """Return two groups of which one follows the other, or is another table's; or two halves of a nameless array."""
+    """Return two groups of columns, or halves of one array, of which one follows the other or is in another table."""
     if len(found) == 1 and len(found[0].columns) % 2 == 0:
         columns, half = found[0].columns, len(found[0].columns) // 2
         found = [found[0].part(columns[:half]), found[0].part(columns[half:])]
@@ -277,7 +277,7 @@ def _command_and_measurement(found: Sequence[Candidate]) -> tuple[Candidate, Can
 
 
 def _one(choices: Sequence[Candidate], what: str, draft: _Draft, count: int | None) -> Candidate:
-    """Choose the only one, or the only one of as many joints; ask where several are left."""
+    """Choose the only candidate, or the only one with `count` joints; ask if several are left."""
     fitting = [one for one in choices if count is not None and len(one.columns) == count] or list(choices)
     fitting = [one for one in fitting if len(one.columns) > 1] or fitting  # a gripper's is one
     typed = [one for one in fitting if one.stream.type.endswith("JointState")] or fitting
@@ -290,7 +290,7 @@ def _one(choices: Sequence[Candidate], what: str, draft: _Draft, count: int | No
 
 
 def _same_joints(nominal: Candidate, truth: Candidate, draft: _Draft) -> tuple[Candidate, Candidate]:
-    """Bring both to the same joints: by name where both have names."""
+    """Reduce both to the same joints, by name if both have names."""
     if all(truth.joints) and all(nominal.joints):
         shared = [joint for joint in nominal.joints if joint in truth.joints]
         if shared and set(shared) in (set(truth.joints), set(nominal.joints)):
@@ -308,7 +308,7 @@ def _same_joints(nominal: Candidate, truth: Candidate, draft: _Draft) -> tuple[C
 
 
 def _some_of(one: Candidate, count: int, quantity: str, why: str, draft: _Draft) -> Candidate:
-    """Ask which of a group's columns are meant, where it has more."""
+    """Choose `count` columns of a group; ask if it has more."""
     if len(one.columns) == count:
         return one
     about, first = f"{quantity}.columns", ",".join(one.references[:count])
@@ -346,7 +346,7 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
 def _tracked(
     poses: Sequence[PoseColumns], model: RobotModel | None, nominal: Candidate | None, draft: _Draft
 ) -> PoseColumns | None:
-    """Ask whether a tracked pose tells where the joints were; return the one that does."""
+    """Ask whether a tracked pose measures the joints; return the chosen one."""
     if not poses:
         draft.decisions.append(
             "no measurement of the joints apart from the robot's own was found: a fit needs q_encoder, an "

@@ -413,7 +413,7 @@ class Sources:
 
     @cached_property
     def sha256(self) -> str | None:
-        """By which the recording is known again; None where it consists of several files."""
+        """Hash of the recording's file; None for several files."""
         container, episode = container_of(self.paths[0])
         if len(self.paths) > 1 or not container.is_file():
             return None

@@ -42,8 +42,7 @@ def read_rows(path: Path, names: Sequence[str]) -> Floats:
     """Read columns of a table by their names.
 
     Args:
-        path: The table.
-        names: Names of k columns.
+        path, names: The table, and names of k columns.
 
     Returns:
         (N, k).

@@ -87,7 +87,7 @@ class TableTime(NamedTuple):
     """Stamps of a table's rows."""
 
     stamp: Integers  # (M,) [ns], as in the file; NaN's rows hold the least number
-    column: str | None  # "" where rows are evenly apart; None where they have no time
+    column: str | None  # "" where rows are evenly apart; None if they have no time
     unit: str
     said: str  # how it was found, for the reader
     seconds: NDArray[np.float64] | None = None  # (M,) as exact as the file has them, where it has no whole numbers
@@ -96,7 +96,7 @@ class TableTime(NamedTuple):
 def time_of(
     stream: Stream, columns: Sequence[str], unit: str | None, rate: float | None, *, today: float
 ) -> TableTime | None:
-    """Return the stamps of a table's rows; None where it has none.
+    """Return the stamps of a table's rows; None if it has none.
 
     Args:
         stream: The table.

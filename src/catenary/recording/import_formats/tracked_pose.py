@@ -28,14 +28,14 @@ from catenary.robots.model import Frame, RobotModel
 from catenary.spatial import Pose
 from catenary.units import DISPLAY
 
-# Standard deviations [rad, m] from which on a pose is no truth of a joint: so many times the median, within these.
+# Standard deviations [rad, m] from which a pose is no truth of a joint: so many times the median, within these.
 # Errors that a model learns are some tenths of a degree; a usual tracker leaves a wrist 1 deg at 10 deg from singular
 # poses.
 _MAX_DEVIATION, _MAX_DEVIATION_MEDIANS = {"rad": np.deg2rad([1.0, 3.0]), "m": np.array([1e-3, 3e-3])}, 4.0
 _SINGULAR_REACH = {"rad": 0.1, "m": 0.02}  # by which a joint leads away from a singular pose
 _OPEN_SHARE = 1e-4  # of what other motions move a frame by: less than a measured pose tells
 _MAX_POSITION_M = 1e3  # [m] of a position: trackers write -3.7e28, or zeros, for a marker that they do not see
-_MAX_TURN_LEFT_RAD = 0.02  # [rad] left of orientations, from which on they may be written in another way
+_MAX_TURN_LEFT_RAD = 0.02  # [rad] left of orientations, from which they may be written in another way
 _UNRELATED_TURN_DEG = 30.0  # [deg] from the robot's
 _UNRELATED_WHY = (
     "and in no other way as it does: clocks seconds apart, another frame, or the tracker in the marker's axes?"
@@ -75,7 +75,7 @@ def pose_places(tracked: TrackedPose, streams: Sequence[Stream]) -> list[Place]:
 
 
 def positions_and_rotations(tracked: TrackedPose, values: Floats) -> tuple[Floats, Floats | None]:
-    """Return positions (M, 3) [m] and R_tracker_marker (M, 3, 3) or None; NaN where no pose was seen."""
+    """Return positions (M, 3) [m] and R_tracker_marker (M, 3, 3) or None; NaN if no pose was seen."""
     from scipy.spatial.transform import Rotation
 
     position, angles = SI[tracked.unit][1] * values[:, :3], values[:, 3:]
@@ -220,7 +220,7 @@ def joints_from_poses(
     """Return the joint positions (M, n) [rad|m] at which the robot's frame is nearest to where the marker says; notes.
 
     T_base_frame = T_base_tracker T_tracker_marker T_marker_frame; of a marker without orientation, the frame's point
-    where it sits. NaN where the pose is not finite, no joints within the limits come as near as `within_mm` and
+    where it sits. NaN if the pose is not finite, no joints within the limits come as near as `within_mm` and
     `within_deg`, or the pose does not determine the chosen joints, or hardly: see _MAX_DEVIATION.
     """
     seen = base @ Pose(np.eye(3) if poses.rotation is None else poses.rotation, poses.position)

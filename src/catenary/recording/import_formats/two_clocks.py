@@ -25,7 +25,7 @@ _MIN_OVERLAP_S = 10.0
 _MIN_OVERLAP_SHARE = 0.3  # of a part
 _MIN_CORRELATION = 0.6  # of two sensors of one motion; of other motions it stays below .4
 _RIVAL_S = 2.0  # [s] from the best lag on which another is a rival
-_RIVAL_RATIO = 2.0  # times more unexplained, from which on it is none
+_RIVAL_RATIO = 2.0  # times more unexplained, from which it is none
 _MAX_RIVALS = 4
 _CLOSE = CERTAIN_SIGMAS**2 / LOOKS  # in logarithms of what is unexplained, within which two are alike
 _MIN_UNEXPLAINED = 1e-3  # share of speeds' variance that counts as none
@@ -47,7 +47,7 @@ class FileClock:
 
     ahead: float = 0.0  # [s] by which it reads more when the rows of q_nominal begin
     fast: float = 0.0  # by which it gains, 1e-6 for one ppm
-    delay: Delay | None = None  # what is left, by which it was found; None where it was given
+    delay: Delay | None = None  # what is left, by which it was found; None if it was given
 
     @property
     def is_certain(self) -> bool:

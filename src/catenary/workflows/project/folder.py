@@ -336,7 +336,7 @@ class Project:
         return str(self._steps[step]["made_from"])
 
     def outputs_of(self, step: str) -> dict[str, Any] | None:
-        """Return a step's outputs by `describe`; None where it was not done."""
+        """Return a step's outputs by `describe`; None if it was not done."""
         return self._steps[step]["outputs"] if step in self._steps else None
 
     def __enter__(self) -> Self:
@@ -402,7 +402,7 @@ def is_project(folder: Path) -> bool:
 
 
 def project_settings(folder: Path) -> ProjectSettings | None:
-    """Return the settings that a project was last opened with, or None where there is no project."""
+    """Return the settings that a project was last opened with, or None if there is no project."""
     path = folder / SETTINGS
     if not path.is_file():
         return None

@@ -42,7 +42,7 @@ from catenary.workflows.robot.motion import at_rest_afterwards, check_motion, mo
 from catenary.workflows.robot.topic_recorder import Along, TopicRecorder, left_off, record_motion
 from catenary.workflows.simulated_recording import driven
 
-Known = float | None  # None where the encoders said nothing
+Known = float | None  # None if the encoders said nothing
 Microseconds = dict[str, float]  # of a loop's durations
 
 

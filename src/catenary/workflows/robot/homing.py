@@ -93,7 +93,7 @@ class Homing:
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]
     believed: Floats  # (n,) [rad|m] reported afterwards
-    external_encoders: Floats | None  # (3,) [rad, rad, m], NaN where they say nothing; None without any
+    external_encoders: Floats | None  # (3,) [rad, rad, m], NaN if they say nothing; None without any
     state: OperatingState
 
     def as_data(self) -> dict[str, Any]:

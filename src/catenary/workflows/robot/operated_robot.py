@@ -60,7 +60,7 @@ class OperatedRobot:
 
     @cached_property
     def tool(self) -> ToolPose | None:
-        """Where the tool is by all of the plant's joints; None where the model itself ends at the tool."""
+        """Where the tool is by all of the plant's joints; None if the model itself ends at the tool."""
         kind = KINDS.get(self.model.name)
         if kind is None or kind.whole == kind.robot or self.plant.joint_names != kind.joints:
             return None

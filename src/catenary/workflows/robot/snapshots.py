@@ -25,7 +25,7 @@ _FIRST_STATE_S = 5.0  # [s] for the first one to be heard in time, while the mac
 
 
 class Corrected(NamedTuple):
-    """What a model makes of a state; None for what is not known."""
+    """Outputs of a model for a state; None if unknown."""
 
     q: Floats | None = None  # (n,) [rad|m]
     inside: Flags | None = None  # (n,) in the valid range
