@@ -88,9 +88,9 @@ def unseen_by_blocks(
     """Return the error that a joint's own delay may add if its motion does not determine that delay (`Delay.alone`).
 
     A single joint's measurement may be late, never early. At even speed a fit absorbs all of the lag as hysteresis. At
-    uneven speed the part that does not follow the direction remains in the errors on blocks and bounds the rest; then
-    intervals allow for the middle of the delay's interval. Recordings are assumed to share their sensors, so that their
-    intervals are intersected, unless they contradict each other.
+    uneven speed the part that does not follow the direction remains in the errors on blocks and bounds the rest. The
+    RMS allows for the end of the delay's interval, half-widths for its middle. Recordings are assumed to share their
+    sensors, so that their intervals are intersected, unless they contradict each other.
     """
     speeds = np.concatenate([_speeds(log) for log in logs])
     rms, within = np.sqrt(np.mean(speeds**2, axis=0)), np.quantile(speeds, level, axis=0)
@@ -108,7 +108,7 @@ def unseen_by_blocks(
         usual = np.median(moving)
         along = min(float(np.mean(moving)) ** 2 / float(np.mean(moving**2)), 1.0 - 1e-9)  # that goes with the direction
         is_even = along > _EVEN or np.mean(np.abs(moving - usual) < _EVEN_WITHIN * usual) > _EVEN_SHARE
-        likely = high if is_even else max(0.5 * (low + high), 0.0)
+        likely = max(0.5 * (low + high), 0.0)
         most = high * rms[j] if is_even else left[j] * math.sqrt(along / (1.0 - along))
         found[:, j] = high, max(min(high * rms[j], most), likely * rms[j]), likely * within[j]
     return DelayMargin(*found)
