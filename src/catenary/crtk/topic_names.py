@@ -158,7 +158,7 @@ _SETTINGS = frozenset(
 
 def is_dvrks(verb: str, kind: str | None = None) -> bool:
     """Return True if a verb is one that a dVRK's arms have besides CRTK's."""
-    return verb in (_ALL_DVRKS if kind is None else _DVRK | DVRK_ARMS.get(kind, {}))
+    return verb in _ALL_DVRKS if kind is None else verb in _DVRK or verb in DVRK_ARMS.get(kind, {})
 
 
 # verbs of a dVRK's console, which is called system since 2.4, and the state commands that they stand for

@@ -71,9 +71,6 @@ def import_recording(
         InputError: There is no mapping, and the layout is not a known one: the message holds the proposal. A column
             is not there, units contradict the joints', or no row is left.
 
-    Example:
-        log = import_recording("lab.bag", ["q_nominal=/PSM1/measured_js.position[0:3]"], robot="dvrk_psm")
-
     Examples:
         >>> from pathlib import Path
         >>> from tempfile import mkdtemp
@@ -174,10 +171,10 @@ def propose_mapping(
         >>> from pathlib import Path
         >>> from tempfile import mkdtemp
         >>> path, t = Path(mkdtemp()) / "run.csv", np.linspace(0.0, 30.0, 900)
-        >>> columns = np.column_stack([t, np.sin(t), np.cos(t), 1.02 * np.sin(t), 1.02 * np.cos(t)])
-        >>> np.savetxt(path, columns, delimiter=",", comments="", header="time,cmd_1,cmd_2,encoder_1,encoder_2")
-        >>> catenary.propose_mapping(path).toml.count("OPEN")
-        2
+        >>> head = "time,cmd_1,encoder_1"
+        >>> np.savetxt(path, np.c_[t, np.sin(t), 1.02 * np.sin(t)], delimiter=",", header=head, comments="")
+        >>> 'columns = ["encoder_1"]' in catenary.propose_mapping(path).toml
+        True
     """
     return propose(Sources(_paths(sources)), robot=robot, units=units, answers=answers)
 

@@ -140,7 +140,7 @@ def _emulate_tool_present(_: ServedArm, message: Message) -> None:
 
 
 def _master(arm: ServedArm) -> MasterArm:
-    """Return the commands and states that only an MTM has."""
+    """Return the operator's side of an MTM, the only arm with verbs that need it."""
     return cast(MasterArm, arm.master)
 
 
