@@ -95,14 +95,14 @@ def _full_reversals(lower: Floats, upper: Floats, fastest: Floats) -> Motion:
 
 
 def _then_random(path: Trajectory, seconds: float) -> Trajectory:
-    """Return a RAVEN-II's motion with as many seconds of swings of all sizes, as fast as it comes to a motion.
+    """Return a RAVEN-II's motion with as many seconds of swings of all sizes, from slow to fast.
 
     Sweeps of even speed cannot tell a measurement that is late from hysteresis; many turns at other speeds do.
     """
     speeds, reach = np.array(_RAVEN_APPROACH), CALIBRATION_UPPER - CALIBRATION_LOWER
     swings = random_sinusoids(
         np.random.default_rng(0), seconds, turning_band=0.45 * reach,
-        slowest=0.3 * speeds, fastest=speeds, turn_time=0.5,
+        slowest=0.5 * FASTEST_SPEEDS, fastest=speeds, turn_time=0.5,
     )  # fmt: skip
     way = go_to(path(path.duration).q, swings(0.0).q, max_velocity=speeds, max_acceleration=2.0 * speeds)
     return InTurn([path, way, swings])
