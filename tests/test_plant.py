@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from catenary.errors import DataError, InputError
-from catenary.plant import Joints, MotionLog, places_of
+from catenary.plant import Joints, MotionLog, joint_indices
 from catenary.verdict.check import repeated_findings, require_apart
 from recordings import recording
 
@@ -95,7 +95,7 @@ NAMED = replace(LOG, joint_names=("a", "b", "c"))
 
 def test_joints_are_found_by_their_names_among_further_ones() -> None:
     had = Joints(("x", "c", "a", "b"), ("rad", "m", "rad", "rad"))
-    assert places_of(NAMED, had, whose="the robot", of="the log has").tolist() == [2, 3, 1]
+    assert joint_indices(NAMED, had, whose="the robot", of="the log has").tolist() == [2, 3, 1]
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_joints_are_found_by_their_names_among_further_ones() -> None:
 )  # fmt: skip
 def test_joints_that_are_not_there_are_refused_with_both_sides(had: Joints, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        places_of(NAMED, had, whose="the robot", of="the log has")
+        joint_indices(NAMED, had, whose="the robot", of="the log has")
 
 
 @pytest.mark.parametrize("order", list(permutations(range(3))))

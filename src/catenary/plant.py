@@ -223,7 +223,7 @@ def nameless(count: int) -> tuple[str, ...]:
     return tuple(f"J{i + 1}" for i in range(count))
 
 
-def places_of(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[np.int64]:
+def joint_indices(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[np.int64]:
     """Return the index (n,) of each wanted joint among those of a robot, recording or model, matched by name.
 
     Units are compared if both sides have them.
@@ -381,7 +381,7 @@ class MotionLog(OnScreen):
         had: Jointed = self
         if self.joint_names == nameless(len(names)) and not set(self.joint_names) & set(names):
             had, how = Joints(names, self.joint_units), "without names, in order as"
-        places = places_of(wanted, had, whose=whose, of=of)
+        places = joint_indices(wanted, had, whose=whose, of=of)
         if self.joint_names == names:
             return self
         arrays = {k: values[:, places] for k in JOINT_ARRAYS if (values := getattr(self, k)) is not None}

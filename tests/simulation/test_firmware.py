@@ -26,7 +26,7 @@ from catenary.simulation.firmware import (
     grav_dir_of,
     gravity_of,
     read_encoders,
-    register,
+    register_encoders,
     write_gravity_torque,
 )
 from catenary.simulation.records import OFF, POSITION, TORQUE
@@ -147,7 +147,7 @@ def test_encoder_steps_at_the_joints_are_those_of_the_mechanism():
 @given(st.tuples(*[st.floats(-1.0, 1.0)] * 7), st.sampled_from([GOLD, GREEN]))
 def test_joints_read_what_they_were_registered_at_and_ask_for_the_motors_there(joint, firmware):
     control = moved(firmware, np.linspace(-50.0, 900.0, 7))
-    register(firmware, control, np.array(joint))
+    register_encoders(firmware, control, np.array(joint))
     # to an encoder step at every motor that takes part: the insertion reads all three, the tools the insertion's
     atol = 2.0 * STEP * (1.0 / firmware.ratio + 0.35 / firmware.ratio)
     assert (np.abs(control.joint - joint) <= atol + 2e-6).all()

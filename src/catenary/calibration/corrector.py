@@ -12,7 +12,7 @@ from catenary.arrays import Flags, Floats
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.kernels.bind import bound
-from catenary.plant import UNUSED_CHANNEL, Joints, JointState, places_of
+from catenary.plant import UNUSED_CHANNEL, Joints, JointState, joint_indices
 
 _TIMED_TICKS = 50
 _STATE_GROUPS = ("q", "qd", "tau")  # of a joint state, one after the other
@@ -127,7 +127,7 @@ class Corrector:
         for why in model.asked_of_reports:
             raise InputError(f"corrector: {why}, or deploy --as-is if it reports them corrected")
         of_robot = Joints(tuple(joint_names), tuple(joint_units))
-        places = places_of(model, of_robot, whose="corrector: the robot", of="the model is for")
+        places = joint_indices(model, of_robot, whose="corrector: the robot", of="the model is for")
         size, sources, still = len(joint_names), list[int](), list[float]()
         for signal in model.features.signals:
             group, _, joint = signal.partition(":")

@@ -49,7 +49,7 @@ def check_level(level: float) -> None:
 
 
 @compiled
-def distance(X: Floats, lower: Floats, upper: Floats, farthest: Floats, far: Floats) -> None:
+def distance_outside(X: Floats, lower: Floats, upper: Floats, farthest: Floats, far: Floats) -> None:
     """Raise how far rows are from the middle of a box, as a share of the way to its edge, to at most `farthest` (1,).
 
     X (N, F) are watched features or their projections, of which one that is NaN is not known to be far; the box is from
@@ -65,7 +65,7 @@ def distance(X: Floats, lower: Floats, upper: Floats, farthest: Floats, far: Flo
 
 @compiled
 def widen(
-    far: Floats,  # (N, 1) from `distance`
+    far: Floats,  # (N, 1) from `distance_outside`
     leaping: Flags,  # (N,) rows that leap: the half-width is that of the edge
     inside: Flags,  # (N, n) whether each correction comes from a predictor, inside its valid range
     q: Floats,  # (N, n) reported positions; where one is not finite, so is the calibrated one, and the interval is NaN

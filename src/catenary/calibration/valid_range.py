@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from catenary.arrays import Flags, Floats, Integers, as_array
-from catenary.calibration.intervals import MAX_HALF_RANGES, distance
+from catenary.calibration.intervals import MAX_HALF_RANGES, distance_outside
 from catenary.cards import StoredFloats
 from catenary.kernels.bind import Step
 from catenary.kernels.compiled import compiled
@@ -53,8 +53,8 @@ class ValidRange:
             Step(between, (projection, self.axis_lower, self.axis_upper), (inside,)),
             Step(repeat, (np.zeros(1),), (far,)),
             # along an axis that hardly moved a little is far: beyond the edge, joints tell how far
-            Step(distance, (projection, middle - half, middle + half, np.ones(1)), (far,)),
-            Step(distance, (X, self.lower, self.upper, np.array([MAX_HALF_RANGES])), (far,)),
+            Step(distance_outside, (projection, middle - half, middle + half, np.ones(1)), (far,)),
+            Step(distance_outside, (X, self.lower, self.upper, np.array([MAX_HALF_RANGES])), (far,)),
         ]
 
 
@@ -93,7 +93,7 @@ def choose(
     farthest: Floats,  # (m,) the largest of it at which a prediction is trusted
     q: Floats,  # (N, n) reported positions; where one is not finite, nothing is known of that joint
     joints: Integers,  # (m,) which of the n joints
-    far: Floats,  # (N, 1) see `intervals.distance`
+    far: Floats,  # (N, 1) see `intervals.distance_outside`
     fade: Floats,  # (2,) from where to where on the way out a prediction becomes the fixed offset
     adjustment: Floats,  # (4, n) share of q in a prediction; factors of its error and of q, and what is added
     offset: Floats,  # (n,) fixed offsets

@@ -106,7 +106,7 @@ def calibrate(
         if train:
             result = calibrate_recordings(opened, train, test, reading=reading, asked=asked, run=run, progress=progress)
         else:
-            with projects.robot_of(opened, access, "calibrate") as moved:
+            with projects.project_robot(opened, access, "calibrate") as moved:
                 result = calibrate_robot(opened, moved, asked=asked, run=run, progress=progress)
     _conclude(result)
 

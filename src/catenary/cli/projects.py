@@ -109,7 +109,7 @@ def require_project(folder: Path) -> None:
 
 
 @contextmanager
-def robot_of(project: "Project", access: RobotAccess, command: str) -> "Iterator[ProjectRobot]":
+def project_robot(project: "Project", access: RobotAccess, command: str) -> "Iterator[ProjectRobot]":
     """Open the robot that a project is about, for a command: its simulated one, or one on ROS."""
     from catenary.crtk.network import make_transport, node_name
     from catenary.workflows.project.robot import RosRobot, SimulatedRobot

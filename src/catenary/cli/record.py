@@ -44,7 +44,7 @@ def home(
     """
     if project is not None:
         opened = projects.open_project(project, arm, ros=access.ros, robot=robot, namespace=namespace)
-        with opened, projects.robot_of(opened, access, "home") as own:
+        with opened, projects.project_robot(opened, access, "home") as own:
             announce("homing ...")
             was_run = own.home(opened)
         content = json.loads((opened.folder / "robot" / "home.json").read_bytes())
@@ -99,7 +99,7 @@ def excite(
         there = {path.name for path in (opened.folder / "recordings").glob("*")}
         names = chain(["refresh"], (f"refresh_{k}" for k in count(2)))
         name = next(name for name in names if name not in there)
-    with opened, projects.robot_of(opened, access, "excite") as moved:
+    with opened, projects.project_robot(opened, access, "excite") as moved:
         with projects.step_progress("homing", opened):
             moved.home(opened)
         with projects.step_progress("excite", opened) as progress:
@@ -154,7 +154,10 @@ def record(
     with projects.open_project(project, hours=hours, ros=access.ros) as opened:
         seconds = 60.0 * opened.settings.test_minutes
         motion, what = evaluation_motion(opened, seconds)
-        with projects.robot_of(opened, access, "record") as moved, projects.step_progress("record", opened) as progress:
+        with (
+            projects.project_robot(opened, access, "record") as moved,
+            projects.step_progress("record", opened) as progress,
+        ):
             was_run = moved.record(opened, name, motion, what, after=TRAIN, progress=progress)
         projects.say_step(opened, f"recorded {seconds:.0f} s as {name}", was_run, {"seconds": seconds})
 

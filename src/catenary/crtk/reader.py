@@ -36,7 +36,7 @@ from catenary.raven2.topics import (
     Arm,
     state_column,
 )
-from catenary.raven2.transmission import joint_torques
+from catenary.raven2.transmission import nominal_joint_torques
 from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
 
@@ -217,7 +217,7 @@ class CrtkReader(NeverMoved):
         state = joint_state(message, self.joint_names, gravity=down, gravity_age=age)
         tau, q_motor = state.tau, state.q_motor
         if self._state is not None:
-            tau, q_motor = joint_torques(self._state.arm_values("tau")), self._state.arm_values("mpos")
+            tau, q_motor = nominal_joint_torques(self._state.arm_values("tau")), self._state.arm_values("mpos")
         if self._origin is None:
             self._origin = message.header.stamp
         time = (message.header.stamp - self._origin) / SECOND

@@ -25,7 +25,7 @@ _TORQUE_RATIO = np.array([JOINT_TORQUE[name] for name in JOINTS])
 OFFSETS = "encoffsets:"  # prefix of the signals in a motion log that homing writes
 
 
-def joint_torques(tau: Floats) -> Floats:
+def nominal_joint_torques(tau: Floats) -> Floats:
     """Return joint torques (7,) [Nm, Nm, N, Nm...], as in a motion log, from those at the gearboxes' outputs [Nm]."""
     torques: Floats = tau * _TORQUE_RATIO
     torques[: len(CALIBRATED)] = joint_forces(COUPLING, (torques[0], torques[1], torques[2]))

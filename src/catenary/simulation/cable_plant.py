@@ -31,7 +31,7 @@ from catenary.simulation.firmware import (
     gravity_of,
     joint_torques,
     read_encoders,
-    register,
+    register_encoders,
     run_ticks,
 )
 from catenary.simulation.firmware_plant import AXIS_FIELDS, FirmwarePlant, columns_of, half_cosine
@@ -90,14 +90,14 @@ def home(
     for _ in range(round(_AMPLIFIER_WAIT_S / PERIOD)):
         yield hold
     yield from _seek(control, _TOOL_AXES, _AWAITED_AXES, joint_names)
-    register(firmware, control, np.where(_TOOL_AXES, firmware.stop_value, firmware.home_value))
+    register_encoders(firmware, control, np.where(_TOOL_AXES, firmware.stop_value, firmware.home_value))
     yield from half_cosine(control.joint.copy(), np.where(_TOOL_AXES, firmware.home_value, control.joint), _HOME_TIME_S)
     seen = []
     for wanted in _seek(control, _POSITIONING_AXES, _POSITIONING_AXES, joint_names):
         yield wanted
         seen.append(encoders.counts(arm.q))
     encoders.zero = mean_near_peak(np.array(seen), stop_side, encoders.rig.window)
-    register(firmware, control, np.where(_POSITIONING_AXES, firmware.stop_value, control.joint))
+    register_encoders(firmware, control, np.where(_POSITIONING_AXES, firmware.stop_value, control.joint))
     yield from half_cosine(
         control.joint.copy(), np.where(_POSITIONING_AXES, firmware.home_value, control.joint), _HOME_TIME_S
     )

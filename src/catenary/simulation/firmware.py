@@ -237,7 +237,7 @@ def take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> 
         control.setpoint[j] = min(max(moved, firmware.lower[j]), firmware.upper[j])
 
 
-def register(firmware: Firmware, control: ControlState, joint: Floats) -> None:
+def register_encoders(firmware: Firmware, control: ControlState, joint: Floats) -> None:
     """Write encoder offsets for which the axes read joint positions (7,) now."""
     motor = np.empty(AXES)
     _motors_of(firmware, joint, 0.0, motor)

@@ -12,7 +12,7 @@ from catenary.calibration.model import CalibrationModel
 from catenary.errors import ConfigError, InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.monitor import Snapshot
-from catenary.plant import Joints, MotionLog, places_of
+from catenary.plant import Joints, MotionLog, joint_indices
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
 from catenary.view.page_process import PageProcess
@@ -87,7 +87,7 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
             f"{', '.join(robot.joint_names)}; name the robot that it is of"
         )
     here = Joints(*(tuple(of[j] for j in named) for of in (robot.joint_names, robot.joint_units)))
-    there = places_of(here, log, whose=f'recording "{log.name}"', of=f'robot "{robot.name}" has')
+    there = joint_indices(here, log, whose=f'recording "{log.name}"', of=f'robot "{robot.name}" has')
 
     def of(values: Floats | Flags | None, others: float = np.nan) -> Floats:
         """Return values (N, n) of the robot's joints, `others` for joints that are not recorded."""

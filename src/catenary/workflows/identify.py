@@ -28,7 +28,7 @@ from catenary.identification.identify_options import IdentifyOptions, actuation_
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.residuals import rms
 from catenary.identification.samples import HELD_OUT, Samples, check_positions, prepare
-from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joints_text, nameless, places_of
+from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joint_indices, joints_text, nameless
 from catenary.recording.import_formats.table_files import read_rows
 from catenary.recording.logs import Reading, read_torque_log
 from catenary.robots.catalog import load_robot
@@ -52,7 +52,7 @@ def part_of_arm(
 
     Recordings with the other joints must hold them at one position; without any, they are at zero, clipped to limits.
     """
-    places_of(Joints(tuple(joints)), model, whose=f'robot "{model.name}"', of="--joints are")
+    joint_indices(Joints(tuple(joints)), model, whose=f'robot "{model.name}"', of="--joints are")
     held: dict[str, float] = {}
     for i, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
         if name in joints:
@@ -86,7 +86,7 @@ def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
     n = len(log.joint_names)
     if log.joint_names == nameless(n) and n == model.n:
         return log.in_order_of(model, of="--joints are")
-    chosen = places_of(model, log, whose=f'recording "{log.name}"', of="--joints are")
+    chosen = joint_indices(model, log, whose=f'recording "{log.name}"', of="--joints are")
     if n == len(chosen):
         return log.in_order_of(model, of="--joints are")
     arrays = {key: values[:, chosen] for key in JOINT_ARRAYS if (values := getattr(log, key)) is not None}

@@ -47,7 +47,7 @@ from catenary.crtk.serving.served_arm import (
     servo_pose_increment,
     servo_twist,
 )
-from catenary.crtk.serving.tool_pose import FrameOfForces, exerted, jacobian, torques_for
+from catenary.crtk.serving.tool_pose import FrameOfForces, exerted, force_jacobian, torques_for
 from catenary.crtk.topic_names import SIGNAL, STATISTICS, CrtkTopic, is_dvrks, topics
 from catenary.errors import CatenaryError, InputError
 from catenary.spatial import Pose, rotation_from_vector, rotation_vector
@@ -232,7 +232,7 @@ def measured_cf(arm: ServedArm, stamp: int, frame: FrameOfForces) -> Message:
 
 def jacobian_matrix(arm: ServedArm, stamp: int, frame: FrameOfForces) -> Message:
     """Return the Jacobian (6, n) by rows: velocity over angular velocity, of the joints as `measured_js` has them."""
-    matrix = jacobian(arm.measured_tool, frame)
+    matrix = force_jacobian(arm.measured_tool, frame)
     rows, columns = matrix.shape
     return _MultiArray(_layout(rows, columns), matrix.ravel())
 

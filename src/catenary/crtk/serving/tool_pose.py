@@ -158,7 +158,7 @@ class FrameOfForces(Enum):
     SPATIAL = "spatial/"
 
 
-def jacobian(tool: ToolState, frame: FrameOfForces) -> Floats:
+def force_jacobian(tool: ToolState, frame: FrameOfForces) -> Floats:
     """Return the Jacobian at the measured joints: velocity over angular velocity, per joint speed.
 
     Args:

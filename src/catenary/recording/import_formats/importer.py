@@ -10,8 +10,7 @@ import numpy as np
 from catenary.arrays import Flags, Floats, Integers
 from catenary.documents import cut
 from catenary.errors import InputError
-from catenary.plant import Joints, MotionLog, joints_text, nameless
-from catenary.plant import places_of as places_of_joints
+from catenary.plant import Joints, MotionLog, joint_indices, joints_text, nameless
 from catenary.recording.import_formats.column_groups import Candidate, joints_meant
 from catenary.recording.import_formats.column_units import Units, encoder_units, factors, joint_units_of
 from catenary.recording.import_formats.columns import Place, Stream, listed, not_used, places_of
@@ -317,7 +316,7 @@ def _with_texts(
     given = mapping.joint_units
     if given and mapping.joint_names and names:
         had = Joints(mapping.joint_names, given)
-        order = places_of_joints(Joints(names), had, whose="the robot that was named", of=f"{where} is of")
+        order = joint_indices(Joints(names), had, whose="the robot that was named", of=f"{where} is of")
         given = tuple(given[j] for j in order)
     if given and units and given != units:
         raise InputError(f"{where}: states the units {','.join(units)}, but {','.join(given)} were given")
@@ -341,7 +340,7 @@ def _joint_names(
     n = len(places)
     if mapping.joint_names:
         if model is not None:
-            places_of_joints(Joints(mapping.joint_names), model, whose=f'robot "{model.name}"', of="joint_names are")
+            joint_indices(Joints(mapping.joint_names), model, whose=f'robot "{model.name}"', of="joint_names are")
         return mapping.joint_names, []
     own = recorded_joints(places, streams)
     if model is None:
@@ -401,7 +400,7 @@ def _ordered_by_name(
         if len(getattr(mapping, key).columns) == len(own):  # listed one by one
             notes.append(f"{key}: joints are in another order than q_nominal's, as the mapping names them")
             continue
-        index = places_of_joints(Joints(order), Joints(own), whose=key, of="q_nominal has")
+        index = joint_indices(Joints(order), Joints(own), whose=key, of="q_nominal has")
         columns.found[key] = _Found([found.places[i] for i in index], found.sign[index])
         notes.append(f"{key}: has its joints in another order; they were taken by name")
     return notes

@@ -20,7 +20,7 @@ from catenary.arrays import Floats
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import FileFormatError, InputError, to_import
 from catenary.file_formats import format_of
-from catenary.plant import MotionLog, nameless, places_of
+from catenary.plant import MotionLog, joint_indices, nameless
 from catenary.raven2.topics import (
     EXT_JPOS,
     RAVENSTATE,
@@ -177,7 +177,7 @@ def read_torques(path: Path, model: RobotModel, *, raw: bool = False, joints: Se
 
 def with_effort_scale(log: MotionLog, model: RobotModel, scale: Floats) -> MotionLog:
     """Return a recording whose torques are its raw efforts times the robot's scale (n,) [Nm or N per unit]."""
-    places = places_of(log, model, whose=f'robot "{model.name}"', of="the recording is of")
+    places = joint_indices(log, model, whose=f'robot "{model.name}"', of="the recording is of")
     assert log.tau is not None  # for the type checker
     return replace(log, tau=log.tau * scale[places], notes=(*log.notes, "raw efforts times the robot's effort_scale"))
 

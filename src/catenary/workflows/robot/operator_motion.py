@@ -20,7 +20,7 @@ from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import FileFormatError, InputError, LimitError
 from catenary.file_formats import format_of
-from catenary.plant import Joints, JointState, MotionLog, OperatingState, nameless, places_of, require_ready
+from catenary.plant import Joints, JointState, MotionLog, OperatingState, joint_indices, nameless, require_ready
 from catenary.recording.import_formats.columns import joined
 from catenary.recording.import_formats.csv_files import TextTable
 from catenary.recording.logs import read_parquet
@@ -323,7 +323,7 @@ def follow_motion(
     """
     plant, motion = robot.plant, along_rows(file, blend)
     names = file.joint_names if _is_named(file) else plant.joint_names[: len(file.joint_units)]
-    moved = places_of(Joints(names, file.joint_units), plant, whose="the robot", of=f"{file.name} moves")
+    moved = joint_indices(Joints(names, file.joint_units), plant, whose="the robot", of=f"{file.name} moves")
     fastest = MAX_VELOCITY if largest_velocity is None else largest_velocity
     try:
         check_motion(plant, motion, joints=names, max_velocity=[fastest[unit] for unit in file.joint_units])

@@ -16,7 +16,7 @@ from catenary.crtk.topic_names import JOINT_STATE, calibrated_namespace
 from catenary.crtk.transport import Latest
 from catenary.errors import TransportError
 from catenary.monitor import EventRate, Snapshot
-from catenary.plant import JointState, MotionLog, fault_of, places_of
+from catenary.plant import JointState, MotionLog, fault_of, joint_indices
 from catenary.raven2.transmission import CALIBRATED
 from catenary.workflows.robot.operated_robot import OperatedRobot
 
@@ -172,7 +172,7 @@ def corrected_rows(log: MotionLog, model: CalibrationModel) -> Corrected:
         log: The recording of N rows.
         model: The calibration model.
     """
-    places = places_of(model, log, whose=f'recording "{log.name}"', of="the model is for")
+    places = joint_indices(model, log, whose=f'recording "{log.name}"', of="the model is for")
     q, interval = np.array(log.q_nominal), np.full(log.q_nominal.shape, np.nan)
     inside = np.ones(q.shape, dtype=bool)
     features, leaping, *_ = model.features.rows(log)
