@@ -16,7 +16,7 @@ export PYTHONDONTWRITEBYTECODE =
 
 
 .PHONY: demo acceptance test test-slow test-ros2 lint campaign campaign-short bench bench-dds bench-serving clean help
-.PHONY: papers refit docs truth pictures notebooks
+.PHONY: papers refit docs truth pictures notebooks release
 
 help:
 	@echo "make demo        set up, calibrate a simulated arm, write demo/report.html"
@@ -36,6 +36,7 @@ help:
 	@echo "make pictures    the pictures of docs/images, of today's demo and view (minutes; needs Chromium)"
 	@echo "make papers      figures and tables of the papers with verdicts, into results/papers; goes on where it stopped (PAPER=calibration, QUICK=1 for ten minutes of everything)"
 	@echo "make refit       fit the RAVEN-II with friction to a paper and a recording again (15 minutes); rewrites its data file"
+	@echo "make release     wheel, sdist and archive of results in dist, checked; the wheel alone runs the demo"
 	@echo "make clean       remove .venv and everything made here"
 
 demo: $(VENV)/.package
@@ -132,6 +133,18 @@ $(VENV)/.development: $(BIN)/python pyproject.toml
 $(VENV)/.benchmarks: $(VENV)/.package
 	$(BIN)/python -m pip install --disable-pip-version-check -e ".[bench,test]"
 	@touch $@
+
+release:
+	rm -rf dist build/release
+	$(PYTHON) -m venv build/release/tool
+	build/release/tool/bin/pip install -q --disable-pip-version-check build twine
+	build/release/tool/bin/pyproject-build
+	build/release/tool/bin/twine check --strict dist/*
+	git archive --format=tar.gz --output=dist/catenary-results.tar.gz HEAD papers/results docs/results
+	cd dist && sha256sum * >SHA256SUMS
+	$(PYTHON) -m venv build/release/empty
+	build/release/empty/bin/pip install -q --disable-pip-version-check dist/*.whl
+	cd build/release && empty/bin/catenary demo
 
 truth: $(VENV)/.development
 	$(BIN)/python -m tests.truth
