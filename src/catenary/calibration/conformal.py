@@ -39,6 +39,7 @@ _STANDING_SHARE = 0.1  # share of a joint's RMS speed below which it stands stil
 # speed is even if its squared mean is nearly its mean square (.98 on zig-zags, .5 to .94 on random motion), or if it is
 # within a tenth of its median on most rows (.75 of a zig-zag with half a minute of random motion, .1 of random motion)
 _EVEN, _EVEN_WITHIN, _EVEN_SHARE = 0.95, 0.1, 0.5
+_SLOPE_SIGMAS = 2.0  # of the slope of errors over speed
 COVERAGE_LENIENCE = 0.5  # share of 1 - level by which a coverage may fall short: 85 % for 90 %
 
 Verdict = Literal["held", "below, which may be chance", "too narrow"]
@@ -83,14 +84,21 @@ class DelayMargin(NamedTuple):
 
 
 def unseen_by_blocks(
-    logs: Sequence[MotionLog], delays: Sequence[Delay | None], errors: CrossValidation, level: float
+    logs: Sequence[MotionLog], delays: Sequence[Delay | None], errors: CrossValidation, rates: Floats, level: float
 ) -> DelayMargin:
     """Return the error that a joint's own delay may add if its motion does not determine that delay (`Delay.alone`).
 
     A single joint's measurement may be late, never early. At even speed a fit absorbs all of the lag as hysteresis. At
-    uneven speed the part that does not follow the direction remains in the errors on blocks and bounds the rest. The
-    RMS allows for the end of the delay's interval, half-widths for its middle. Recordings are assumed to share their
-    sensors, so that their intervals are intersected, unless they contradict each other.
+    uneven speed the part that does not follow the direction remains in the errors on blocks: its size, and its slope
+    over the speed, bound the delay. The RMS allows for the end of the delay's interval, half-widths for its middle.
+    Recordings are assumed to share their sensors, so that their intervals are intersected, unless they contradict each
+    other.
+
+    Args:
+        logs, delays: Recordings and their delays.
+        errors: Errors on held-out blocks.
+        rates: Speeds (N, n) [rad/s|m/s] on the rows of `errors`; per row of recordings without stamps.
+        level: Probability of the intervals.
     """
     speeds = np.concatenate([_speeds(log) for log in logs])
     rms, within = np.sqrt(np.mean(speeds**2, axis=0)), np.quantile(speeds, level, axis=0)
@@ -109,9 +117,24 @@ def unseen_by_blocks(
         along = min(float(np.mean(moving)) ** 2 / float(np.mean(moving**2)), 1.0 - 1e-9)  # that goes with the direction
         is_even = along > _EVEN or np.mean(np.abs(moving - usual) < _EVEN_WITHIN * usual) > _EVEN_SHARE
         likely = max(0.5 * (low + high), 0.0)
-        most = high * rms[j] if is_even else left[j] * math.sqrt(along / (1.0 - along))
+        most = high * rms[j]
+        if not is_even:
+            slope = _slope_on_speed(errors.after_model[:, j], rates[:, j], errors.block)
+            most = min(left[j] * math.sqrt(along / (1.0 - along)), slope * rms[j])
         found[:, j] = high, max(min(high * rms[j], most), likely * rms[j]), likely * within[j]
     return DelayMargin(*found)
+
+
+def _slope_on_speed(left: Floats, rate: Floats, block: Integers) -> float:
+    """Return the largest delay [s] that errors (N,) on blocks of time show in what of the speed is not even."""
+    moving = np.abs(rate) > _STANDING_SHARE * np.sqrt(np.mean(rate**2))
+    left, rate, block = left[moving], rate[moving], block[moving]
+    uneven = rate - np.mean(np.abs(rate)) * np.sign(rate)
+    parts = np.unique(block)
+    common, size = np.array([[f[block == k].sum() for k in parts] for f in (left * uneven, uneven**2)])
+    slope = common.sum() / size.sum()
+    spread = np.square(common - slope * size).sum() * len(parts) / max(len(parts) - 1, 1)
+    return float(abs(slope) + _SLOPE_SIGMAS * math.sqrt(spread) / size.sum())
 
 
 def _speeds(log: MotionLog) -> Floats:
@@ -154,10 +177,12 @@ def expected(
     squares = np.maximum(np.mean(np.square(errors.after_model), axis=0), _LEAST_SQUARE)
     more = np.sqrt(np.mean(np.square(of_others), axis=0) / squares)
     low = mean * np.minimum(np.exp(-times(of_blocks)), fitted_share)
-    high = mean * np.maximum(more, 1.0) * np.exp(times(_log_rmse(of_others, errors.stretch))) * widening
-    late = 0.0 if unseen is None else unseen.rms / [TO_SI[s.unit][1] for s in spread]
+    usual, other = mean * np.maximum(more, 1.0) * widening, times(_log_rmse(of_others, errors.stretch))
+    late = np.zeros_like(mean) if unseen is None else unseen.rms / [TO_SI[s.unit][1] for s in spread]
+    # independent of each other: logarithms add in quadrature
+    high = usual * np.exp(np.hypot(other, np.log(np.hypot(1.0, late / np.maximum(usual, math.sqrt(_LEAST_SQUARE))))))
     names = ["rmse_low", "rmse_high", "rmse_margin"]
-    stated: list[Floats] = [low, np.hypot(high, late), np.hypot(np.maximum(high, offset), late)]
+    stated: list[Floats] = [low, high, np.maximum(high, np.hypot(offset, late))]
     if intervals is not None:
 
         def held(by: Intervals) -> tuple[Floats, Floats]:

@@ -187,7 +187,7 @@ def _concluded(
         plain = Intervals(run.coverage, np.ones_like(model.offset), np.ones_like(model.offset))
         growth = replace(model, intervals=plain).correct(data.X, data.q_nominal)[2]
         intervals = estimate_intervals(validation, level=run.coverage, growth=growth)
-        hidden = unseen_by_blocks(logs, found.delays, validation, run.coverage)
+        hidden = unseen_by_blocks(logs, found.delays, validation, _rates(logs, data), run.coverage)
     wider = None if intervals is None or hidden is None else hidden.in_intervals(intervals)
     model = replace(model, intervals=wider, limits=_limits(recordings.robot, data), mends=mends_of(logs))
     left = data.error - model.correction(data.X, data.q_nominal)
@@ -229,6 +229,17 @@ def _concluded(
     if seconds is not None:
         card["tick_seconds"] = seconds
     return FitResult(model, card, data, spread, held_out, tuple(notes), logs)
+
+
+def _rates(logs: Sequence[MotionLog], data: CalibrationData) -> Floats:
+    """Return speeds (N, n) [rad/s|m/s] on rows of data; per row of recordings without stamps."""
+    rates = np.empty_like(data.q_nominal)
+    for number, log in enumerate(logs):
+        rows = data.recording == number
+        at = log.time if data.has_time and log.time is not None else np.arange(len(log))
+        rate = np.nan_to_num(np.gradient(log.q_nominal, at, axis=0), posinf=0.0, neginf=0.0)
+        rates[rows] = np.column_stack([np.interp(data.time[rows], at, column) for column in rate.T])
+    return rates
 
 
 def _limits(robot: RobotModel | None, data: CalibrationData) -> Floats | None:
