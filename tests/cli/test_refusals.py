@@ -91,6 +91,7 @@ REFUSALS = {
     "excitation panda --out x.npz --harmonics 1": "three or more harmonics",
     "excitation dvrk_psm_motors --out x.npz": "no lower limit of q1: give --lower",
     "check raven": "no such file, and no robot of that name; robots: dual_arm_19, dvrk_ecm",
+    "check raven2 --picture r.png": "--picture: is of a recording",
     "export --model nothing.npz --c a.h": "nothing.npz",
     f"gravity {POSE} --base-tilt-deg 0,20 --gravity 0,0,-9.81": "--gravity: does not go with --base-tilt-deg",
     f"gravity {POSE} --gravity inf,0,0": "gravity",
