@@ -139,13 +139,6 @@ def test_calibrate_warns_of_a_recommended_model_that_does_harm(tmp_path: Path, m
     assert len(catenary(*line, "--json").json["advice"]) == 2
 
 
-@pytest.mark.slow
-def test_the_demo_writes_a_page_and_compares_its_models(tmp_path: Path, quick: None) -> None:
-    content = catenary("demo", "--out", tmp_path / "demo", "--seed", 1, "--json").json
-    assert set(content["models"]) == set(QUICK_MODELS)
-    assert Path(content["page"]).is_file()
-
-
 def test_commands_on_a_finished_project_write_nothing(finished_folder: Path, quick: None) -> None:
     def state() -> dict[str, tuple[int, int, int, int]]:
         paths = [finished_folder, *finished_folder.rglob("*")]

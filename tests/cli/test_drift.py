@@ -217,7 +217,7 @@ def test_an_identified_arm_is_told_what_has_changed_since(tmp_path: Path) -> Non
         write_npz(replace(log, tau=changed), tmp_path / f"run{seed}.npz")
         runs.append(tmp_path / f"run{seed}.npz")
     found = tmp_path / "arm.npz"
-    catenary("identify", runs[0], "--robot", "raven2", "--friction", "none", "--out", found)
+    catenary("identify", runs[0], "--robot", "raven2", "--friction", "none", "--no-prior", "--out", found)
     outcome = catenary("drift", found, *runs[1:], "--json")
     assert outcome.code == 1
     told = [(change["recording"], change["finding"], change["joints"]) for change in outcome.json["changes"]]

@@ -183,20 +183,23 @@ def test_a_connection_that_ends_is_not_taken_for_a_reader_that_goes_away(monkeyp
     assert (outcome.code, outcome.err) == (2, "catenary: a connection was closed from the other side\n")
 
 
-@pytest.mark.parametrize(
-    "locale",
-    [{"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, {"LC_ALL": "POSIX", "PYTHONIOENCODING": "ascii"}],
-    ids=["C", "ascii"],
+LOCALES = (
+    {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+    {"LC_ALL": "POSIX", "PYTHONIOENCODING": "ascii"},
 )
-@pytest.mark.parametrize("command", ["--help", "check run.csv", "import run.csv", "regressor two_link"])
-def test_a_locale_of_ascii_keeps_no_command_from_its_work(monkeypatch, tmp_path, locale, command) -> None:
+
+
+@pytest.mark.parametrize(
+    ("command", "locale"),
+    list(zip(["--help", "check run.csv", "import run.csv", "regressor two_link"], 2 * LOCALES, strict=True)),
+)
+def test_a_locale_of_ascii_keeps_no_command_from_its_work(monkeypatch, tmp_path, command, locale) -> None:
     monkeypatch.chdir(tmp_path)
     rows = "".join(f"{k / 30:.3f},{k % 90},{k % 90 + 0.1}\n" for k in range(300))
     Path("run.csv").write_text(f"time [s],J1 [°],J1 encoder [°]\n{rows}", encoding="utf-8")
-    usual = in_its_own_process(*command.split())
     for name, value in locale.items():
         monkeypatch.setenv(name, value)
-    said = in_its_own_process(*command.split())
+    said, usual = in_its_own_process(*command.split()), catenary(*command.split())
     assert said.code == usual.code
     assert "codec" not in said.err
     assert len(said.out) >= len(usual.out)  # characters that it lacks are written out

@@ -171,7 +171,7 @@ def test_errors_on_training_data_are_no_verdict(evaluation: Evaluation) -> None:
     assert "recommended for every joint" in said
 
 
-NAMES = st.lists(st.text(min_size=1, max_size=60), min_size=2, max_size=30)
+NAMES = st.lists(st.text(min_size=1, max_size=9), min_size=2, max_size=9)
 
 
 @given(NAMES, st.randoms(use_true_random=False))
