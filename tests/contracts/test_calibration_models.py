@@ -26,17 +26,13 @@ def truth(q: np.ndarray) -> np.ndarray:
     return 0.01 * (1.0 + q) + 0.02 * q**2
 
 
-def own_function(X: np.ndarray) -> np.ndarray:
-    return truth(X)
-
-
 BOOSTING = HistGradientBoostingRegressor(max_iter=20, min_samples_leaf=5)
 KINDS: dict[str, dict[str, Any]] = {
     **{name: {"kind": name} for name in MODEL_KINDS},
     "own": {"kind": "own", "estimator": Ridge(0.1)},
     "own of single outputs": {"kind": "own", "estimator": BOOSTING},
     "own of raw inputs per joint": {"kind": "own", "estimator": BOOSTING, "play": (), "inputs": {"J1": ("q:J1",)}},
-    "own function": {"kind": "own", "estimator": own_function, "inputs": ("q",)},
+    "own function": {"kind": "own", "estimator": truth, "inputs": ("q",)},
     "linear with play": {"kind": "linear", "play": (0.1, 0.3)},
     "learned per joint": {"kind": "learned", "inputs": {"J1": ("q:J1",), "J2": ("q:J2",), "J3": ("q",)}},
     "linear per joint": {"kind": "linear", "inputs": {"J1": ("q:J1",), "J2": ("q:J1", "q:J2")}, "play": (0.2,)},

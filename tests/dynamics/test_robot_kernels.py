@@ -23,18 +23,6 @@ def states(model: RobotModel, count: int) -> list[dict[str, Floats]]:
     return [{k: scales.get(k, 1.0) * rng.normal(size=n) for k, n in sizes.items()} for _ in range(count)]
 
 
-def expected_of(m: RobotModel, frame: str, q, qd, qdd, gravity, omega, alpha):
-    """What the recursions give, in the order of the kernels below."""
-    pose, still, base = forward_kinematics(m, q, frame), np.zeros(m.n), BaseMotion(omega, alpha)
-    return (
-        gravity_torque(m, q, gravity),
-        inverse_dynamics(m, q, still, still, gravity, base),
-        inverse_dynamics(m, q, qd, qdd, gravity, base),
-        mass_matrix(m, q),
-        np.column_stack([pose.rotation, pose.position]),
-    )
-
-
 @pytest.mark.parametrize("m", [load_robot("raven2"), random_robot(8).model, random_robot(17).model])
 def test_kernels_give_what_the_recursions_give(m: RobotModel) -> None:
     frame = next(reversed(m.frames))
@@ -46,7 +34,16 @@ def test_kernels_give_what_the_recursions_give(m: RobotModel) -> None:
         robot_kernels.forward_kinematics_kernel(m, frame),
     )
     for given in states(m, 20):
-        for kernel, expected in zip(made, expected_of(m, frame, **given), strict=True):
+        q, qd, qdd, gravity, omega, alpha = given.values()
+        pose, base = forward_kinematics(m, q, frame), BaseMotion(omega, alpha)
+        recursions = (
+            gravity_torque(m, q, gravity),
+            inverse_dynamics(m, q, 0 * q, 0 * q, gravity, base),
+            inverse_dynamics(m, q, qd, qdd, gravity, base),
+            mass_matrix(m, q),
+            np.column_stack([pose.rotation, pose.position]),
+        )
+        for kernel, expected in zip(made, recursions, strict=True):
             result = kernel(*(given[name] for name in kernel.inputs))
             # torques up to 1 kNm, summed in another order
             assert_allclose(result, expected, rtol=0.0, atol=1e-12 * max(1.0, np.abs(expected).max()))

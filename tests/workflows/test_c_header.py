@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -55,34 +54,10 @@ ARMS = [
 ]
 
 
-class Law(NamedTuple):
-    """What a header gives on rows of motions, (N, ...)."""
-
-    mass: Floats
-    holding: Floats
-    motion: Floats
-    feedforward: Floats
-
-
 def motions(model: RobotModel, seed: int, rows: int = ROWS) -> list[Floats]:
     """q, qd, qdd, gravity, omega, alpha, as rows."""
     rng = np.random.default_rng(seed)
     return [rng.normal(scale=s, size=(rows, k)) for s, k in ((3, model.n),) * 3 + ((5, 3), (1, 3), (2, 3))]
-
-
-def law_in_c(model: RobotModel, given: list[Floats], folder: Path, language: str = "C99") -> Law:
-    header, n = c_header(model).text, model.n
-    name = prefix_of(header)
-    q, qd, qdd, g, w, a = (f"r + {k}" for k in np.cumsum([0, n, n, n, 3, 3]))
-    body = (
-        f"  double M[{n * n}], h[{n}], t[{n}], f[{n}];\n"
-        f"LOOP  {name}_mass_matrix({q}, M);\n  {name}_holding({q}, {g}, {w}, {a}, h);\n"
-        f"  {name}_inverse_dynamics({q}, {qd}, {qdd}, {g}, {w}, {a}, t);\n"
-        f"  {name}_feedforward({q}, {qd}, {qdd}, {g}, {w}, {a}, f);\n" + puts(M=n * n, h=n, t=n, f=n)
-    )
-    out = output_of(header, body, np.hstack(given), folder, language)
-    M, *torques = np.split(out, np.cumsum([n * n] + [n] * 2), axis=1)
-    return Law(M.reshape(-1, n, n), *torques)
 
 
 def assert_close(found: Floats, expected: Floats, within: float = EXACT) -> None:
@@ -92,18 +67,26 @@ def assert_close(found: Floats, expected: Floats, within: float = EXACT) -> None
 
 
 def assert_is_pythons(model: RobotModel, folder: Path, language: str, seed: int = 0) -> None:
-    given = motions(model, seed)
-    q, qd, qdd, gravity, omega, alpha = given
-    law = law_in_c(model, given, folder, language)
-    mass = mass_matrix(model, q)
+    rows, header, n = motions(model, seed), c_header(model).text, model.n
+    name, sizes = prefix_of(header), {"M": n * n, "h": n, "t": n, "f": n}
+    q, qd, qdd, g, w, a = (f"r + {k}" for k in np.cumsum([0, n, n, n, 3, 3]))
+    body = (
+        f"  double M[{n * n}], h[{n}], t[{n}], f[{n}];\n"
+        f"LOOP  {name}_mass_matrix({q}, M);\n  {name}_holding({q}, {g}, {w}, {a}, h);\n"
+        f"  {name}_inverse_dynamics({q}, {qd}, {qdd}, {g}, {w}, {a}, t);\n"
+        f"  {name}_feedforward({q}, {qd}, {qdd}, {g}, {w}, {a}, f);\n{puts(**sizes)}"
+    )
+    out = output_of(header, body, np.hstack(rows), folder, language)
+    M, holding, motion, feedforward = np.split(out, np.cumsum([*sizes.values()][:-1]), axis=1)
+    M, (q, qd, qdd, gravity, omega, alpha) = M.reshape(-1, n, n), rows
+    mass, base = mass_matrix(model, q), BaseMotion(omega, alpha)
     own = np.sqrt(np.diagonal(mass, axis1=1, axis2=2))  # M_ij^2 <= M_ii M_jj
-    assert (np.abs(law.mass - mass) <= EXACT * own[:, :, None] * own[:, None, :]).all()
-    base = BaseMotion(omega, alpha)
+    assert (np.abs(M - mass) <= EXACT * own[:, :, None] * own[:, None, :]).all()
+    assert_array_equal(M, np.swapaxes(M, 1, 2))
     expected = inverse_dynamics(model, q, qd, qdd, gravity, base)
-    assert_close(law.motion, expected)
-    assert_close(law.holding, inverse_dynamics(model, q, 0 * q, 0 * q, gravity, base))
-    assert_close(law.feedforward, expected)
-    assert_array_equal(law.mass, np.swapaxes(law.mass, 1, 2))
+    assert_close(motion, expected)
+    assert_close(holding, inverse_dynamics(model, q, 0 * q, 0 * q, gravity, base))
+    assert_close(feedforward, expected)
 
 
 @pytest.mark.alike
@@ -189,13 +172,15 @@ def test_rates_of_a_base_at_rest_may_be_null_in_every_function_of_the_header_and
         assert_close(torques, inverse_dynamics(ARM, q, *rates, gravity))
 
 
-def assert_are_pythons(seed: int, folder: Path, language: str) -> None:
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("seed", [1, 12])
+def test_actuation_in_c_is_pythons(seed: int, language: str, tmp_path: Path) -> None:
     model, rng = random_robot(seed).model, np.random.default_rng(seed)
     loads, n = every_load(model.n, rng, loaded=seed % 2 == 1, smooth=0.0 if seed % 2 else 0.02), model.n
     rows = np.hstack([rng.normal(size=(ROWS, 3 * n)), 5.0 * rng.normal(size=(ROWS, 3))])
     rows[:20, n : 2 * n] = 0.0  # at rest
     q, qd, qdd, gravity = np.split(rows, [n, 2 * n, 3 * n], axis=1)
-    friction, drives, feedforward = torques_in_c(model, loads, rows, folder, language)
+    friction, drives, feedforward = torques_in_c(model, loads, rows, tmp_path, language)
     links = inverse_dynamics(model, q, qd, qdd, gravity)
     expected = loads.torque(q, qd, qdd, links)
     scale = 1e-12 * np.abs(expected).max() + 1e-12 * np.abs(links).max()
@@ -206,12 +191,6 @@ def assert_are_pythons(seed: int, folder: Path, language: str) -> None:
         assert_allclose(friction, loads.torque(0 * q, qd, 0 * qdd) - still + offset, rtol=0.0, atol=scale)
     law = links + expected
     assert (np.abs(feedforward - law).max(axis=0) <= 1e-12 * np.abs(law).max(axis=0)).all()
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-def test_actuation_in_c_is_pythons(language: str, tmp_path: Path) -> None:
-    for seed in (1, 12):
-        assert_are_pythons(seed, tmp_path, language)
 
 
 def test_nan_of_a_speed_stays_nan_in_friction(tmp_path: Path) -> None:
