@@ -166,6 +166,8 @@ def test_the_message_says_which_argument_what_it_was_and_what_was_expected() -> 
         (lambda: catenary.gravity_torque("raven2", Q, DOWN), r'model: expected RobotModel, got str \'raven2\'; .*load_robot'),
         (lambda: catenary.fit(**(CALLS["fit"] | {"folds": "1"})), "folds: expected a whole number, got str '1'"),
         (lambda: catenary.load_robot(3), "source: expected str or Path, got int 3"),
+        (lambda: MODEL.matched(None), "log: expected MotionLog, got NoneType None"),
+        (lambda: MODEL.evaluate(**ROWS, accept=3), "accept: expected Sequence, got int 3"),
     ]:  # fmt: skip
         with pytest.raises(InputError, match=words):
             call()
@@ -247,13 +249,6 @@ def test_an_annotation_is_asked_of_a_value(hint: Any, right: tuple, wrong: tuple
     assert [fits(value, hint) for value in right] == [True] * len(right)
     assert [fits(value, hint) for value in wrong] == [False] * len(wrong)
     assert expected_text(hint) == words
-
-
-def test_a_wrong_argument_of_a_method_is_told_too() -> None:
-    with pytest.raises(InputError, match="log: expected MotionLog, got NoneType None"):
-        MODEL.matched(None)
-    with pytest.raises(InputError, match="accept: expected Sequence, got int 3"):
-        MODEL.evaluate(**ROWS, accept=3)
 
 
 @pytest.mark.parametrize("name", [name for name in catenary.__all__ if name not in ("__version__", "CatenaryError")])

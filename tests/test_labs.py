@@ -115,7 +115,7 @@ def test_each_usual_answer_is_told_from_all_others(name, monkeypatch):
     assert {said: check(*answers(values)) for said, values in usual.items()} == {said: said for said in usual}
 
 
-@pytest.mark.parametrize("filled", [False, True], ids=["gaps", "filled"])
+@pytest.mark.parametrize("filled", [pytest.param(False, marks=pytest.mark.slow), True], ids=["gaps", "filled"])
 @pytest.mark.parametrize("name", sorted(path.stem for path in LABS.glob("[0-9]*.py")))
 def test_a_notebook_runs_with_gaps_and_without_and_draws(tmp_path, name, filled):
     text = (LABS / f"{name}.py").read_text()

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
-from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
 
 from catenary import spatial
 from catenary.errors import InputError
@@ -15,61 +15,32 @@ quaternions = arrays(np.float64, 4, elements=numbers).filter(lambda q: np.linalg
 poses = st.builds(lambda q, p: spatial.Pose(spatial.rotation_from_quaternion(q), p), quaternions, vectors)
 
 
-def cross_matrix(v):
-    return np.cross(np.eye(3), np.asarray(v))
+@given(st.lists(st.tuples(poses, poses), min_size=1, max_size=4), poses)
+def test_poses_compose_and_invert_as_their_matrices_one_by_one_and_row_by_row(pairs, common):
+    first, second = (
+        spatial.Pose(np.array([p.rotation for p in side]), np.array([p.position for p in side]))
+        for side in zip(*pairs, strict=True)
+    )
+    for a, b in ((first, second), (first, common), (common, second), pairs[0]):
+        assert_allclose((a @ b).matrix, a.matrix @ b.matrix, atol=1e-11)
+        assert_allclose(a.inverse().matrix @ a.matrix, np.broadcast_to(np.eye(4), a.matrix.shape), atol=1e-11)
 
 
-def assert_same_pose(a, b):
-    assert_allclose(a.rotation, b.rotation, atol=1e-12)  # a few products of numbers around one
-    assert_allclose(a.position, b.position, atol=1e-11)
-
-
-@given(poses, poses, vectors)
-def test_composing_poses_applies_one_after_the_other(a_b, b_c, point):
-    moved_once = b_c.rotation @ point + b_c.position
-    moved_twice = a_b.rotation @ moved_once + a_b.position
-    both = a_b @ b_c
-    assert_allclose(both.rotation @ point + both.position, moved_twice, atol=1e-11)
-
-
-@given(poses)
-def test_a_pose_times_its_inverse_is_the_identity(pose):
-    assert_same_pose(pose @ pose.inverse(), spatial.identity_pose())
-    assert_same_pose(pose.inverse() @ pose, spatial.identity_pose())
-
-
-@given(quaternions)
-def test_a_quaternion_survives_the_way_through_a_matrix_but_for_sign_and_length(q):
-    unit = q / np.linalg.norm(q)
-    back = spatial.quaternion_from_rotation(spatial.rotation_from_quaternion(q))
+@given(quaternions, vectors.filter(lambda v: np.linalg.norm(v) < 3.1))
+def test_rotations_are_those_of_scipy(q, v):
+    R = Rotation.from_quat(np.roll(q, -1)).as_matrix()
+    assert_allclose(spatial.rotation_from_quaternion(q), R, atol=1e-11)
+    back = spatial.quaternion_from_rotation(R)
     assert back[0] >= 0.0
-    assert_allclose(abs(unit @ back), 1.0, atol=1e-12)
-
-
-@given(quaternions, vectors)
-def test_a_quaternion_rotates_as_its_product_with_a_vector(q, v):
-    w, u = q[0] / np.linalg.norm(q), q[1:] / np.linalg.norm(q)
-    rotated = v + 2.0 * np.cross(u, np.cross(u, v) + w * v)  # q v q*, written out
-    assert_allclose(spatial.rotation_from_quaternion(q) @ v, rotated, atol=1e-11)
-
-
-@given(vectors)
-def test_rpy_is_roll_then_pitch_then_yaw_about_fixed_axes(rpy):
-    roll, pitch, yaw = (expm(cross_matrix(axis) * angle) for axis, angle in zip(np.eye(3), rpy, strict=True))
-    assert_allclose(spatial.rotation_from_rpy(rpy), yaw @ pitch @ roll, atol=1e-11)
-
-
-@given(st.floats(-7.0, 7.0))
-def test_rotations_about_axes_are_the_exponentials_of_their_axes(angle):
-    assert_allclose(spatial.rotation_about_x(angle), expm(cross_matrix([1, 0, 0]) * angle), atol=1e-11)
-    assert_allclose(spatial.rotation_about_y(angle), expm(cross_matrix([0, 1, 0]) * angle), atol=1e-11)
-    assert_allclose(spatial.rotation_about_z(angle), expm(cross_matrix([0, 0, 1]) * angle), atol=1e-11)
-
-
-@given(vectors.filter(lambda v: np.linalg.norm(v) < 3.1))
-def test_rotation_vector_inverts_the_exponential(v):
-    # ill-conditioned close to pi
-    assert_allclose(spatial.rotation_vector(expm(cross_matrix(v))), v, atol=1e-8)
+    assert_allclose(abs(q / np.linalg.norm(q) @ back), 1.0, atol=1e-12)
+    turned = Rotation.from_rotvec(v).as_matrix()
+    assert_allclose(spatial.rotation_from_vector(v), turned, atol=1e-11)
+    assert_allclose(spatial.rotation_vector(turned), v, atol=1e-8)  # ill-conditioned close to pi
+    about = [getattr(spatial, f"rotation_about_{axis}")(angle) for axis, angle in zip("xyz", v, strict=True)]
+    for axis, angle, found in zip(np.eye(3), v, about, strict=True):
+        assert_allclose(found, Rotation.from_rotvec(angle * axis).as_matrix(), atol=1e-11)
+    # roll, then pitch, then yaw, about fixed axes
+    assert_allclose(spatial.rotation_from_rpy(v), about[2] @ about[1] @ about[0], atol=1e-11)
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e-200, 1.0, 1e200, 1.7e308])
@@ -102,7 +73,6 @@ def test_a_pose_survives_the_way_through_its_matrix(pose):
     again = spatial.as_pose("T", pose.matrix)
     assert_allclose(again.rotation, pose.rotation)
     assert_allclose(again.position, pose.position)
-    assert spatial.Pose(np.stack([pose.rotation] * 2), np.stack([pose.position] * 2)).matrix.shape == (2, 4, 4)
 
 
 SHIFTED = np.block([[np.eye(3), np.array([[0.1], [0.2], [0.3]])], [np.zeros((1, 3)), np.ones((1, 1))]])
@@ -122,16 +92,3 @@ SHIFTED = np.block([[np.eye(3), np.array([[0.1], [0.2], [0.3]])], [np.zeros((1, 
 def test_a_matrix_that_is_no_rigid_motion_is_refused(matrix, words):
     with pytest.raises(InputError, match=words):
         spatial.as_pose("T", matrix)
-
-
-@given(st.lists(st.tuples(poses, poses), min_size=1, max_size=4), poses)
-def test_many_poses_compose_row_by_row(pairs, common):
-    first, second = (
-        spatial.Pose(np.array([p.rotation for p in side]), np.array([p.position for p in side]))
-        for side in zip(*pairs, strict=True)
-    )
-    for k, (a, b) in enumerate(pairs):
-        for both, expected in ((first @ second, a @ b), (first @ common, a @ common), (common @ second, common @ b)):
-            assert_same_pose(spatial.Pose(both.rotation[k], both.position[k]), expected)
-        inverse = first.inverse()
-        assert_same_pose(spatial.Pose(inverse.rotation[k], inverse.position[k]), a.inverse())

@@ -47,9 +47,3 @@ def run(site: Path, code: str, folder: Path, **environment: str) -> Outcome:
         check=False,
     )
     return Outcome(ended.returncode, ended.stdout, ended.stderr)
-
-
-def catenary_command(site: Path, arguments: str, folder: Path) -> Outcome:
-    """Run the command, its arguments separated by spaces."""
-    code = f"import sys\nsys.argv = ['catenary', *{arguments.split()!r}]\n"
-    return run(site, f"{code}from catenary.cli.main import main\nmain()", folder)

@@ -9,6 +9,7 @@ from numpy.testing import assert_array_equal
 
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
+from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
 from catenary.plant import JointState, MotionLog
@@ -50,17 +51,20 @@ def test_nan_before_the_first_number_does_not_stick_in_the_play_states() -> None
 
 
 def test_joint_state_of_a_robot_with_more_joints_in_another_order() -> None:
-    corrector = Corrector(model(plays=1))
+    corrector = Corrector(replace(model(plays=1), intervals=Intervals(0.9, *np.outer([1, 1], [0.1, 0.2, 0.3]))))
     corrector.prepare(["wrist", "j2", "j0", "j1"], ["rad", "m", "rad", "rad"], 1000.0)
     expected, flags = ticked(corrector, SIGNALS[:, :3], SIGNALS)
     corrector.reset()
-    out, inside = np.empty(4), np.empty(4, dtype=bool)
+    out, inside, width = np.empty(4), np.empty(4, dtype=bool), np.empty(4)
     for k, row in enumerate(SIGNALS):
         q = np.array([7.0, row[2], row[0], row[1]])
         tau = np.array([9.0, 0.0, row[3], row[4]])
-        corrector.correct_state(state(q, tau), out, inside)
+        corrector.correct_state(state(q, tau), out, inside, width)
         assert_array_equal(out, [7.0, expected[k, 2], expected[k, 0], expected[k, 1]])
         assert_array_equal(inside, [True, flags[k, 2], flags[k, 0], flags[k, 1]])
+        assert_array_equal(width, [np.nan, 0.3, 0.1, 0.2])
+    with pytest.raises(InputError, match="inside and interval are not of the robot"):
+        corrector.correct_state(state(q, tau), out, inside, np.empty(3))
 
 
 def test_the_unused_channel_of_an_arm_reads_what_it_read_in_training() -> None:

@@ -17,10 +17,10 @@ from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.intervals import MAX_HALF_RANGES, Intervals
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
-from catenary.plant import JointState, MotionLog
+from catenary.plant import MotionLog
 from catenary.verdict.delay import Delay
 from drawn_arms.arm import Arm
-from oracles.calibration_models import random_model
+from oracles.calibration_models import random_model, ticked
 from recordings import recording
 from tests.truth.recordings import raven
 from tests.truth.spoilings import late
@@ -75,27 +75,11 @@ def test_ticks_give_the_half_widths_of_the_batch_to_the_bit(options: Any) -> Non
     made = model(**options)
     q, widths = SIGNALS[:, :3], np.empty((300, 3))
     memory, out, inside = made.features.memory(), np.empty((300, 3)), np.empty((300, 3), dtype=bool)
-    corrector = Corrector(made)
     for step in made.tick_steps(memory, q, SIGNALS, out, inside, widths):
         step.function(*step.inputs, *step.outputs)
-    position, flags, width = np.empty(3), np.empty(3, dtype=bool), np.empty(3)
-    for k in range(300):
-        corrector.correct(q[k], SIGNALS[k], position, flags, width)
-        assert_array_equal(width, widths[k])
+    ticked(Corrector(made), q, SIGNALS, one_by_one := np.empty((300, 3)))
+    assert_array_equal(one_by_one, widths)
     assert {False, True} == set(inside.ravel())
-
-
-def test_a_joint_state_has_the_half_widths_of_the_models_joints_and_nan_for_others() -> None:
-    corrector = Corrector(model())
-    corrector.prepare(["wrist", "j2", "j0", "j1"], ["rad", "m", "rad", "rad"], 1000.0)
-    row = np.median(SIGNALS[:150], axis=0)
-    q, tau = np.array([7.0, row[2], row[0], row[1]]), np.array([9.0, 0.0, row[3], row[4]])
-    state = JointState(0.0, q, np.zeros(4), tau, np.zeros(0), np.zeros(3), 0.0)
-    out, inside, width = np.empty(4), np.empty(4, dtype=bool), np.empty(4)
-    corrector.correct_state(state, out, inside, width)
-    assert_array_equal(width, [np.nan, 0.3, 0.1, 0.2])
-    with pytest.raises(InputError, match="inside and interval are not of the robot"):
-        corrector.correct_state(state, out, inside, np.empty(3))
 
 
 @pytest.mark.parametrize(

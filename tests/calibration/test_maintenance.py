@@ -7,15 +7,14 @@ from catenary.calibration.maintenance import refresh_with
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from recordings import recording
 
 
 def a_day(seed: int, *, sha256: str, zero: float = 0.0) -> MotionLog:
     rng = np.random.default_rng(seed)
-    time = np.arange(900) / 30.0
-    q = np.column_stack([np.sin(0.7 * time), np.sin(0.31 * time + 1.0)])
-    error = 0.03 * q + zero + 1e-3 * rng.standard_normal(q.shape)
-    ok = np.ones(len(q), dtype=bool)
-    return MotionLog("day", ("J1", "J2"), ("rad", "rad"), q, ok, q + error, time, sha256=sha256)
+    return recording(
+        rng, rows=900, error=lambda q: 0.03 * q + zero + 1e-3 * rng.standard_normal(q.shape), sha256=sha256
+    )
 
 
 def test_python_and_command_refresh_alike_and_learn_from_no_recording_twice() -> None:

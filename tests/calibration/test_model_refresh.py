@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from sklearn.ensemble import HistGradientBoostingRegressor
 
 from catenary.arrays import Floats
 from catenary.calibration.dataset import CalibrationData, calibration_data
@@ -19,6 +20,7 @@ from recordings import fitted
 KINDS: dict[str, dict[str, Any]] = {
     **{kind: {"kind": kind} for kind in ("offset", "linear", "polynomial", "neural", "learned")},
     "position": {"kind": "linear", "target": "position"},
+    "own": {"kind": "own", "estimator": HistGradientBoostingRegressor(max_iter=30)},
 }
 BEND = np.array([[0.03, -0.02], [0.01, 0.05]])
 NOISE = 1e-3
@@ -63,7 +65,7 @@ def test_a_corner_of_the_motion_does_not_turn_the_rest(models: dict[str, Calibra
     assert (rmse(refreshed, rest) < 0.03).all()
 
 
-@pytest.mark.parametrize("kind", ["linear", "polynomial", "neural", "position"])
+@pytest.mark.parametrize("kind", ["linear", "polynomial", "neural", "position", "own"])
 def test_a_new_zero_is_found_in_a_minute_and_the_other_joint_is_left(
     models: dict[str, CalibrationModel], kind: str
 ) -> None:

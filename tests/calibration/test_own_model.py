@@ -77,12 +77,6 @@ def test_intervals_hold_on_other_motion(boosted):
     assert all(0.8 <= joint.coverage <= 0.99 for joint in boosted.evaluate(again).joints)
 
 
-def test_a_refresh_finds_the_zero_of_another_day(boosted):
-    refreshed = boosted.refresh(DAY)
-    assert_allclose(refreshed.offset - boosted.offset, 0.02, atol=0.002)
-    assert "since" in refreshed.card["refreshed"][0]["moved"]
-
-
 def test_a_function_is_fitted_to_nothing_and_its_card_says_so():
     model = catenary.fit(LOG, model=tanh_of)
     assert_allclose(model.predict(LOG), LOG.q_nominal + tanh_of(LOG.q_nominal), atol=1e-15)
@@ -171,17 +165,17 @@ def test_types_of_packages_that_are_not_named_are_refused(stranger, tmp_path):
     assert_array_equal(catenary.load_model(tmp_path / "own.npz", own=both).predict(LOG), made.predict(LOG))
 
 
-def test_a_function_without_a_name_has_no_file(tmp_path):
-    made = catenary.fit(LOG, model=lambda X: 0.0 * X, folds=0)
-    with pytest.raises(InputError, match="function that its module names"):
-        made.save(tmp_path / "own.npz")
-
-
-def test_without_skops_an_estimator_has_no_file_and_the_message_says_what_to_install(tmp_path, monkeypatch):
-    made = catenary.fit(LOG, model=Ridge(), folds=0)
+@pytest.mark.parametrize(
+    ("model", "error", "said"),
+    [
+        (lambda X: 0.0 * X, InputError, "function that its module names"),
+        (Ridge(), MissingPackageError, "need skops: pip install"),
+    ],
+)
+def test_what_cannot_be_stored_is_refused_with_the_way_out(model, error, said, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "skops.io", None)
-    with pytest.raises(MissingPackageError, match="need skops: pip install"):
-        made.save(tmp_path / "own.npz")
+    with pytest.raises(error, match=said):
+        catenary.fit(LOG, model=model, folds=0).save(tmp_path / "own.npz")
 
 
 @pytest.mark.parametrize(

@@ -83,9 +83,8 @@ def in_deg_and_mm(log: MotionLog) -> MotionLog:
 
 @pytest.mark.parametrize("command", ["drift", "evaluate", "refresh"])
 def test_wrong_data_are_no_fault_of_a_model(of_day_0: Path, tmp_path: Path, command: str) -> None:
-    day = a_day(1, 0.0)
     out = ("--out", str(tmp_path / "new.npz")) if command == "refresh" else ()
-    line = (command, of_day_0, written(in_deg_and_mm(day), tmp_path / "deg.parquet"), *out)
+    line = (command, of_day_0, written(in_deg_and_mm(a_day(1, 0.0)), tmp_path / "deg.parquet"), *out)
     refused = catenary(*line)
     assert refused.code != 0
     said = " ".join(refused.err.split())
@@ -93,9 +92,6 @@ def test_wrong_data_are_no_fault_of_a_model(of_day_0: Path, tmp_path: Path, comm
     assert "--accept units" in said
     assert not (tmp_path / "new.npz").exists()
     assert catenary(*line, "--units", "deg,mm").code == 0
-    swapped = replace(day, q_encoder=-day.q_encoder)  # type: ignore[operator]
-    refused = catenary(command, of_day_0, written(swapped, tmp_path / "turned.parquet"), *out)
-    assert "--sign J1" in refused.err
 
 
 @pytest.fixture
@@ -221,7 +217,7 @@ def test_an_identified_arm_is_told_what_has_changed_since(tmp_path: Path) -> Non
         write_npz(replace(log, tau=changed), tmp_path / f"run{seed}.npz")
         runs.append(tmp_path / f"run{seed}.npz")
     found = tmp_path / "arm.npz"
-    catenary("identify", runs[0], "--robot", "raven2", "--friction", "none", "--out", found)
+    catenary("identify", runs[0], "--robot", "raven2", "--friction", "none", "--no-prior", "--out", found)
     outcome = catenary("drift", found, *runs[1:], "--json")
     assert outcome.code == 1
     told = [(change["recording"], change["finding"], change["joints"]) for change in outcome.json["changes"]]

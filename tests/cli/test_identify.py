@@ -18,22 +18,21 @@ QUICK = ("--no-prior", "--friction", "none")  # in a third of the time
 
 
 @pytest.fixture(scope="module")
-def parameters(moving_arm_logs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("out") / "arm.npz"
-    assert catenary("identify", moving_arm_logs / "run0.npz", "--robot", "raven2", "--out", out, *QUICK).code == 0
-    return out
-
-
-def identified(log: Path, out: Path, *options: object) -> Any:
-    outcome = catenary("identify", log, "--robot", "raven2", "--out", out, "--json", *options)
+def identified(moving_arm_logs: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    """An arm's parameters, and what the command said of them."""
+    out, log, test = (tmp_path_factory.mktemp("out") / "arm.npz", *(moving_arm_logs / f"run{k}.npz" for k in (0, 1)))
+    outcome = catenary("identify", log, "--robot", "raven2", "--out", out, "--test", test, "--json", *QUICK)
     assert outcome.code == 0, outcome
-    return outcome.json
+    return out, outcome.json
 
 
-def test_identify_prints_counts_condition_and_residuals(moving_arm_logs: Path, tmp_path: Path) -> None:
-    test_log = moving_arm_logs / "run1.npz"
-    options = ("--test", test_log, *QUICK)
-    content = identified(moving_arm_logs / "run0.npz", tmp_path / "a.npz", *options)
+@pytest.fixture
+def parameters(identified: tuple[Path, Any]) -> Path:
+    return identified[0]
+
+
+def test_identify_prints_counts_condition_and_residuals(identified: tuple[Path, Any]) -> None:
+    content = identified[1]
     assert {"n_base", "condition", "rank", "training", "tests"} <= set(content)
     assert content["n_base"] == content["rank"]
     (test,) = content["tests"]
@@ -69,8 +68,8 @@ def test_check_says_what_a_parameter_file_is(parameters: Path) -> None:
     content = catenary("check", parameters, "--json").json
     assert content["kind"] == "identified dynamics"
     assert content["facts"]["robot"] == "raven2"
-    (training,) = content["facts"]["recordings"]
-    assert training["part"] == "training"
+    training, test = content["facts"]["recordings"]
+    assert (training["part"], test["part"]) == ("training", "test")
     assert list(training["relative_rms"]) == ["shoulder", "elbow", "insertion"]
 
 
@@ -114,13 +113,6 @@ def test_a_payload_is_not_weighed_by_torques_of_another_sign_or_unit(
         line = ("payload", tmp_path / "spoilt.npz", "--model", parameters, "--at", "wrist", *PLACE)
         assert f"nothing was weighed; to continue anyway: --accept {name}" in refusal(*line)
         assert catenary(*line, *mend, "--json").json["mass"] == pytest.approx(0.2, abs=0.01)
-
-
-def test_a_load_that_is_heavy_beside_its_link_is_weighed(parameters: Path, tmp_path: Path) -> None:
-    heavy = 1.5  # [kg], three times what the insertion's torque is of
-    write_npz(recorded(ARM.with_payload("wrist", heavy, PLACE), 2, noise=0.1), tmp_path / "heavy.npz")
-    line = ("payload", tmp_path / "heavy.npz", "--model", parameters, "--at", "wrist", *PLACE, "--json")
-    assert catenary(*line).json["mass"] == pytest.approx(heavy, abs=0.05)
 
 
 RUN = recorded(ARM, 0, seconds=4.0)

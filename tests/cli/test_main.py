@@ -19,12 +19,6 @@ COMMANDS = [name for names in GROUPS.values() for name in names]
 HEAVY = ("numpy", "numba", "scipy", "sklearn", "matplotlib", "pydantic", "mujoco", "pyarrow", "rich.table")
 
 
-def modules_after(code: str) -> set[str]:
-    listing = "import sys; print('\\n' + '\\n'.join(sys.modules))"
-    command = [sys.executable, "-c", f"{code}\n{listing}"]
-    return set(subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\n"))
-
-
 def test_help_names_every_command_in_its_group_and_cuts_nothing() -> None:
     text = catenary("--help").out
     sections = dict(re.findall(r"^(\w+):\n((?:  .*\n?)+)", text, flags=re.MULTILINE))
@@ -111,7 +105,7 @@ def test_version_is_printed() -> None:
 
 def modules_of(*commands: tuple[str, ...]) -> set[str]:
     """What commands, run one after the other in one process, have imported by their end."""
-    return modules_after(f"""
+    code = f"""
 import contextlib, os, sys
 from catenary.cli.main import main
 for arguments in {commands!r}:
@@ -119,7 +113,9 @@ for arguments in {commands!r}:
     with open(os.devnull, "w") as nowhere, contextlib.suppress(SystemExit):
         with contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
             main()
-""")
+print(*sys.modules)
+"""
+    return set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
 
 
 def test_help_imports_nothing_heavy() -> None:
@@ -162,16 +158,12 @@ def test_a_reader_that_goes_away_is_no_traceback() -> None:
     line = f"set -o pipefail; {sys.executable} -m catenary robots --json | head -c 1"
     outcome = subprocess.run(["bash", "-c", line], capture_output=True, check=True)
     assert outcome.stderr == b""
-    with pytest.raises(ClosedOutput):
-        _closed_pipe().flush()
-
-
-def _closed_pipe() -> VisibleStream:
     read, write = os.pipe()
     os.close(read)
     stream = VisibleStream(os.fdopen(write, "w"))
     stream.write("a")
-    return stream
+    with pytest.raises(ClosedOutput):
+        stream.flush()
 
 
 def test_a_connection_that_ends_is_not_taken_for_a_reader_that_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -183,20 +175,23 @@ def test_a_connection_that_ends_is_not_taken_for_a_reader_that_goes_away(monkeyp
     assert (outcome.code, outcome.err) == (2, "catenary: a connection was closed from the other side\n")
 
 
-@pytest.mark.parametrize(
-    "locale",
-    [{"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, {"LC_ALL": "POSIX", "PYTHONIOENCODING": "ascii"}],
-    ids=["C", "ascii"],
+LOCALES = (
+    {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+    {"LC_ALL": "POSIX", "PYTHONIOENCODING": "ascii"},
 )
-@pytest.mark.parametrize("command", ["--help", "check run.csv", "import run.csv", "regressor two_link"])
-def test_a_locale_of_ascii_keeps_no_command_from_its_work(monkeypatch, tmp_path, locale, command) -> None:
+
+
+@pytest.mark.parametrize(
+    ("command", "locale"),
+    list(zip(["--help", "check run.csv", "import run.csv", "regressor two_link"], 2 * LOCALES, strict=True)),
+)
+def test_a_locale_of_ascii_keeps_no_command_from_its_work(monkeypatch, tmp_path, command, locale) -> None:
     monkeypatch.chdir(tmp_path)
     rows = "".join(f"{k / 30:.3f},{k % 90},{k % 90 + 0.1}\n" for k in range(300))
     Path("run.csv").write_text(f"time [s],J1 [°],J1 encoder [°]\n{rows}", encoding="utf-8")
-    usual = in_its_own_process(*command.split())
     for name, value in locale.items():
         monkeypatch.setenv(name, value)
-    said = in_its_own_process(*command.split())
+    said, usual = in_its_own_process(*command.split()), catenary(*command.split())
     assert said.code == usual.code
     assert "codec" not in said.err
     assert len(said.out) >= len(usual.out)  # characters that it lacks are written out

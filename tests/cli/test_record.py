@@ -76,7 +76,7 @@ def test_enter_says_done_and_q_gives_up(typed: str, done: bool, monkeypatch: pyt
 
 def test_excite_homes_a_new_robot_first_and_records_its_state_at_100_hz(tmp_path: Path) -> None:
     project = tmp_path / "new"
-    zigzag = ("--direction", "J1", "--sparsity", "1", "--state-rate", "100")
+    zigzag = ("--direction", "J1", "--sparsity", "1", "--state-rate", "100", "--random-seconds", "0")
     assert catenary("excite", project, *zigzag, "--json").json["run"] is True
     assert {p.name for p in project.iterdir()} >= {"robot", "recordings", "settings.json"}
     topics = catenary("extract", project, "--json").json["train"]["topics"]

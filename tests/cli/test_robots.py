@@ -9,12 +9,9 @@ from scipy.spatial.transform import Rotation
 
 import own_base
 import simulated_arm
-from catenary.dynamics.kinematics import forward_kinematics
 from catenary.recording.logs import read_log
 from catenary.robots.catalog import load_robot, robot_names
 from command_line import catenary, refusal
-
-HOME = "30,90,400,0,0,0"  # deg and mm
 
 
 def test_robots_lists_the_catalogue_with_its_units() -> None:
@@ -32,14 +29,6 @@ def test_robots_prints_one_line_a_robot_that_fits_into_a_terminal() -> None:
         assert model.tip in line
         assert model.joint_names[0] in line
         assert model.joint_names[-1] in line
-
-
-def test_fk_gives_the_pose_in_metres_and_as_a_quaternion() -> None:
-    content = catenary("fk", "raven2_full", "--q-deg", HOME, "--json").json
-    model = load_robot("raven2_full")
-    pose = forward_kinematics(model, [np.pi / 6, np.pi / 2, 0.4, 0.0, 0.0, 0.0])
-    assert_allclose(content["position"], pose.position, atol=1e-15)
-    assert_allclose(content["rotation"], pose.rotation, atol=1e-15)
 
 
 def test_fk_reads_files_also_without_inertia(tmp_path: Path) -> None:

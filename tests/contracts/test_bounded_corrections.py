@@ -16,7 +16,7 @@ from catenary.calibration.model import MAX_CORRECTION_RATIO, CalibrationModel
 from catenary.errors import InputError
 from catenary.workflows.c_header import c_header
 from compiled_c import output_of, puts
-from oracles.calibration_models import MIXED, PREDICTORS, log_of, random_model
+from oracles.calibration_models import MIXED, PREDICTORS, log_of, random_model, ticked
 
 Given = tuple[Floats, NDArray[np.bool_]]  # corrections, and which of them are predictions
 N, ROWS = 3, 120
@@ -49,13 +49,8 @@ def spoilt(model: CalibrationModel, value: float) -> list[CalibrationModel]:
 
 
 def of_ticks(model: CalibrationModel, signals: Floats) -> Given:
-    corrector = Corrector(model)
-    out, inside, given, flags = np.empty(N), np.empty(N, dtype=bool), [], []
-    for row in signals:
-        corrector.correct(row[:N], row, out, inside)
-        given.append(out - row[:N])
-        flags.append(inside.copy())
-    return np.array(given), np.array(flags)
+    out, flags = ticked(Corrector(model), signals[:, :N], signals)
+    return out - signals[:, :N], flags
 
 
 def of_rows(model: CalibrationModel, signals: Floats) -> Given:

@@ -26,17 +26,13 @@ def truth(q: np.ndarray) -> np.ndarray:
     return 0.01 * (1.0 + q) + 0.02 * q**2
 
 
-def own_function(X: np.ndarray) -> np.ndarray:
-    return truth(X)
-
-
 BOOSTING = HistGradientBoostingRegressor(max_iter=20, min_samples_leaf=5)
 KINDS: dict[str, dict[str, Any]] = {
     **{name: {"kind": name} for name in MODEL_KINDS},
     "own": {"kind": "own", "estimator": Ridge(0.1)},
     "own of single outputs": {"kind": "own", "estimator": BOOSTING},
     "own of raw inputs per joint": {"kind": "own", "estimator": BOOSTING, "play": (), "inputs": {"J1": ("q:J1",)}},
-    "own function": {"kind": "own", "estimator": own_function, "inputs": ("q",)},
+    "own function": {"kind": "own", "estimator": truth, "inputs": ("q",)},
     "linear with play": {"kind": "linear", "play": (0.1, 0.3)},
     "learned per joint": {"kind": "learned", "inputs": {"J1": ("q:J1",), "J2": ("q:J2",), "J3": ("q",)}},
     "linear per joint": {"kind": "linear", "inputs": {"J1": ("q:J1",), "J2": ("q:J1", "q:J2")}, "play": (0.2,)},
@@ -95,12 +91,6 @@ def test_correction_of_a_single_row_is_that_of_the_row_in_a_batch(case: Case) ->
         assert_allclose(single[0], batch[i], rtol=0.0, atol=case.rounding)
 
 
-def test_correction_does_not_depend_on_the_order_of_the_rows(case: Case) -> None:
-    order = np.random.default_rng(1).permutation(len(case.data))
-    shuffled = case.correct(case.data.X[order], case.data.q_nominal[order])
-    assert_allclose(shuffled, case.correct(case.data.X)[order], rtol=0.0, atol=case.rounding)
-
-
 def test_correction_leaves_its_arguments_alone(case: Case) -> None:
     X, q = case.data.X.copy(), case.data.q_nominal.copy()
     case.correct(X, q)
@@ -126,33 +116,16 @@ def test_fixed_offset_is_the_mean_error_of_the_training_rows_which_lie_in_the_va
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_features_that_are_not_finite_give_the_fixed_offset(case: Case, value: float) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert_array_equal(case.correct(np.full((1, case.data.X.shape[1]), value)), case.model.offset[None])
-
-
-def test_one_missing_feature_takes_the_offset_to_the_joints_that_use_it(case: Case) -> None:
+def test_one_feature_that_is_not_finite_takes_the_offset_to_the_joints_that_use_it(case: Case, value: float) -> None:
     for column in range(case.data.X.shape[1]):
         X = case.data.X[20:21].copy()
-        X[0, column] = np.nan
-        correction = case.correct(X)[0]
+        X[0, column] = value
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            correction = case.correct(X)[0]
         for group in case.model.groups:
             if column in group.columns:
                 assert_array_equal(correction[list(group.joints)], case.model.offset[list(group.joints)])
-
-
-def test_calibration_is_finite_from_the_first_row_and_does_not_look_at_the_measurement(case: Case) -> None:
-    calibrated = case.model.calibrate(NEW)
-    assert np.isfinite(calibrated).all()
-    assert_array_equal(case.model.calibrate(replace(NEW, q_encoder=None)), calibrated)
-
-
-def test_calibration_is_causal(case: Case) -> None:
-    q = NEW.q_nominal.copy()
-    q[40:] = q[40:][::-1]
-    changed = case.model.calibrate(replace(NEW, q_nominal=q))
-    assert_allclose(changed[:40], case.model.calibrate(NEW)[:40], rtol=0.0, atol=case.rounding)
 
 
 def test_saved_and_loaded_model_gives_the_same_bits_and_says_the_same_of_itself(case: Case, tmp_path: Path) -> None:
@@ -204,8 +177,9 @@ def test_ten_rows_are_enough_for_any_kind(kind: str) -> None:
     assert np.isfinite(fitted(log, **KINDS[kind]).calibrate(log)).all()
 
 
-def test_a_loop_gives_what_the_model_gives(case: Case) -> None:
+def test_a_loop_gives_what_the_model_gives_which_so_looks_at_no_later_row_and_no_measurement(case: Case) -> None:
     out, inside = ticked(Corrector(case.model), NEW.q_nominal, case.model.features.signal_rows(NEW))
+    assert np.isfinite(out).all()
     assert_allclose(out, case.model.calibrate(NEW), rtol=0.0, atol=case.rounding)
     assert_array_equal(inside, case.model.inside(case.model.features.matrix(NEW)))
 

@@ -62,11 +62,6 @@ def test_a_spring_on_a_lever_is_the_gradient_of_its_energy():
         assert_allclose(lever_load(lever, np.array(s)), slope, atol=1e-11)  # central difference, h = 1e-5
 
 
-def test_a_linear_spring_pulls_back_to_zero():
-    q = np.array([0.4, 0.1])
-    assert_allclose(columns(q, [0, 0], [0, 0])[:, 4], C * (C @ q))
-
-
 def test_smoothed_coulomb_friction_is_the_sign_far_from_rest():
     fast, slow = (columns([0, 0], [speed, 0], [0, 0], smoothing=0.02) for speed in (1.0, 1e-3))
     assert_allclose(fast[:, 0], C, atol=1e-12)

@@ -9,22 +9,10 @@ from numpy.testing import assert_allclose
 from catenary.dynamics import robot_kernels
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.dynamics.lines import (
-    forward_kinematics_line,
-    gravity_line,
-    holding_line,
-    inverse_dynamics_line,
-    mass_matrix_line,
-)
 from catenary.gravity.torque import gravity_torque
-from catenary.kernels.tracing import evaluate_line
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from oracles.random_trees import Floats, RandomRobot, random_robot
-
-
-def model_of(name: str) -> RobotModel:
-    return random_robot(int(name.split()[1])).model if name.startswith("random ") else load_robot(name)
+from oracles.random_trees import Floats, random_robot
 
 
 def states(model: RobotModel, count: int) -> list[dict[str, Floats]]:
@@ -35,47 +23,30 @@ def states(model: RobotModel, count: int) -> list[dict[str, Floats]]:
     return [{k: scales.get(k, 1.0) * rng.normal(size=n) for k, n in sizes.items()} for _ in range(count)]
 
 
-def expected_of(m: RobotModel, frame: str | None, q, qd, qdd, gravity, omega, alpha):
-    """What the recursions give, in the order of the kernels below."""
-    tip, still, base = forward_kinematics(m, q, frame), np.zeros(m.n), BaseMotion(omega, alpha)
-    return (
-        gravity_torque(m, q, gravity),
-        inverse_dynamics(m, q, still, still, gravity, base),
-        inverse_dynamics(m, q, qd, qdd, gravity, base),
-        mass_matrix(m, q),
-        np.column_stack([tip.rotation, tip.position]),
-    )
-
-
-@pytest.mark.parametrize("name", ["raven2", "random 8", "random 17"])
-def test_kernels_give_what_the_recursions_give(name: str) -> None:
-    m = model_of(name)
+@pytest.mark.parametrize("m", [load_robot("raven2"), random_robot(8).model, random_robot(17).model])
+def test_kernels_give_what_the_recursions_give(m: RobotModel) -> None:
+    frame = next(reversed(m.frames))
     made = (
         robot_kernels.gravity_kernel(m),
         robot_kernels.holding_kernel(m),
         robot_kernels.inverse_dynamics_kernel(m),
         robot_kernels.mass_matrix_kernel(m),
-        robot_kernels.forward_kinematics_kernel(m),
+        robot_kernels.forward_kinematics_kernel(m, frame),
     )
     for given in states(m, 20):
-        for kernel, expected in zip(made, expected_of(m, None, **given), strict=True):
+        q, qd, qdd, gravity, omega, alpha = given.values()
+        pose, base = forward_kinematics(m, q, frame), BaseMotion(omega, alpha)
+        recursions = (
+            gravity_torque(m, q, gravity),
+            inverse_dynamics(m, q, 0 * q, 0 * q, gravity, base),
+            inverse_dynamics(m, q, qd, qdd, gravity, base),
+            mass_matrix(m, q),
+            np.column_stack([pose.rotation, pose.position]),
+        )
+        for kernel, expected in zip(made, recursions, strict=True):
             result = kernel(*(given[name] for name in kernel.inputs))
             # torques up to 1 kNm, summed in another order
             assert_allclose(result, expected, rtol=0.0, atol=1e-12 * max(1.0, np.abs(expected).max()))
-
-
-@pytest.mark.slow
-def test_traces_of_sixty_trees_give_what_the_recursions_give(random_robots: list[RandomRobot]) -> None:
-    for robot in random_robots:
-        m = robot.model
-        frame = next(reversed(m.frames))
-        lines = gravity_line(m), holding_line(m), inverse_dynamics_line(m), mass_matrix_line(m)
-        (given,) = states(m, 1)
-        for line, expected in zip(
-            (*lines, forward_kinematics_line(m, frame)), expected_of(m, frame, **given), strict=True
-        ):
-            limit = 1e-12 * max(1.0, np.abs(expected).max())
-            assert_allclose(evaluate_line(line, **given), expected.ravel(), rtol=0.0, atol=limit, err_msg=m.name)
 
 
 def test_many_configurations_go_through_the_kernel(monkeypatch: pytest.MonkeyPatch) -> None:

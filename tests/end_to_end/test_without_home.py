@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import simulated_arm
-from without_home import catenary_command, installed
+from without_home import installed, run
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def assert_runs_with_one_note(site: Path, arguments: str, folder: Path) -> None:
-    outcome = catenary_command(site, arguments, folder)
+    line = f"import sys\nsys.argv = ['catenary', *{arguments.split()!r}]\nfrom catenary.cli.main import main\nmain()"
+    outcome = run(site, line, folder)
     assert outcome.code == 0, outcome.err
     assert outcome.out
     assert "Traceback" not in outcome.err

@@ -58,17 +58,6 @@ def test_planar_arm_is_printed_as_the_paper_prints_it() -> None:
     ]
 
 
-def test_planar_arm_has_the_papers_values() -> None:
-    regressor = compact_regressor(PLANAR)
-    q = np.array([0.2, 0.5, -0.9])
-    c1, c12, c123 = np.cos(np.cumsum(q))
-    assert_allclose(
-        regressor.Z(q, UPRIGHT), 9.81 * np.array([[c1, c12, c123], [0, c12, c123], [0, 0, c123]]), atol=1e-14
-    )
-    # from the lengths and masses of its file
-    assert_allclose(regressor.parameters(), [0.4 * 2.5 + 0.2 * 2.0, 0.3 + 0.15 * 1.5, 0.1], rtol=1e-14)
-
-
 def test_compact_form_holds_what_the_full_form_holds(random_robots, rng):
     models = [robot.model for robot in random_robots[:30]] + [load_robot(name) for name in robots_with_inertia()]
     models += [random_bodies_on(load_robot(name), rng).model for name in robot_names()]

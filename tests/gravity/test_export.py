@@ -21,22 +21,16 @@ from catenary.dynamics.inverse_dynamics import (
     mass_matrix,
 )
 from catenary.dynamics.kinematics import forward_kinematics
+from catenary.dynamics.torque_derivatives import torque_derivatives
 from catenary.errors import InputError, MissingInertiaError, MissingPackageError, NotReadyError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.export import ExportedQuantity, export_function
 from catenary.gravity.gravity_regressor import standard_gravity_regressor
 from catenary.gravity.torque import gravity_torque
 from catenary.kernels.c99 import c_name
-from catenary.robots.actuation import (
-    Actuation,
-    Friction,
-    KnownTorque,
-    LeverSpring,
-    MotorInertia,
-    Spring,
-    actuation_terms,
-)
+from catenary.robots.actuation import Actuation, Friction, actuation_terms
 from catenary.robots.catalog import load_robot
+from oracles.every_load import every_load
 from oracles.floating_base import Free, by_pinocchio
 from oracles.random_trees import random_robot
 
@@ -107,44 +101,33 @@ def by_c(text, name, arrays, size, folder):
     return np.array(out)
 
 
+def assert_all_give(expected, model, quantity, arrays, folder, **given):
+    """Compare what every target computes with what is expected."""
+    text = export_function(model, quantity, "c99", **given)
+    name = next(word for word in text.replace("(", " ").split() if word.endswith(f"_{quantity}"))
+    found = {
+        "jax": export_function(model, quantity, "jax", **given)(*arrays),
+        "casadi": export_function(model, quantity, "casadi", **given)(*arrays),
+        "sympy": by_sympy(export_function(model, quantity, "sympy", **given), arrays),
+        "c99": by_c(text, name, arrays, expected.size, folder),
+    }
+    assert found["jax"].shape == expected.shape
+    for target, result in found.items():
+        result = np.array(result).reshape(expected.shape)
+        assert_allclose(result, expected, rtol=1e-9, atol=1e-10, err_msg=target)
+
+
 @pytest.mark.parametrize(("model", "quantity"), CASES, ids=lambda case: getattr(case, "name", case))
 def test_every_target_computes_what_the_recursion_computes(model, quantity, tmp_path):
     arrays = arrays_of(model, quantity)
-    expected = by_recursion(model, quantity, arrays)
-    found = {
-        "jax": np.asarray(export_function(model, quantity, "jax")(*arrays)),
-        "casadi": np.array(export_function(model, quantity, "casadi")(*arrays)).reshape(expected.shape),
-        "sympy": by_sympy(export_function(model, quantity, "sympy"), arrays).reshape(expected.shape),
-    }
-    for target, result in found.items():
-        assert result.shape == expected.shape
-        assert_allclose(result, expected, atol=1e-10, err_msg=target)
-    text = export_function(model, quantity, "c99")
-    name = next(word for word in text.replace("(", " ").split() if word.endswith(f"_{quantity}"))
-    in_c = by_c(text, name, arrays, expected.size, tmp_path).reshape(expected.shape)
-    assert_allclose(in_c, expected, atol=1e-10, err_msg="c99")
-
-
-def every_effect(arm, rng):
-    """Return friction of every kind, rotors, springs and a known torque, some on two joints at once."""
-    rows = [*np.eye(arm.n), np.array([1.0, -0.7, *np.zeros(arm.n - 2)])]
-    actuation = Actuation(
-        friction=tuple(Friction(f"f{k}", c, asymmetric=True, stribeck=0.4, presliding=0.1) for k, c in enumerate(rows)),
-        motor_inertia=tuple(MotorInertia(f"m{k}", c) for k, c in enumerate(rows)),
-        springs=(Spring("line", rows[0]), Spring("lever", rows[1], LeverSpring(0.1, 0.4, 0.2, 30.0))),
-        known_torques=(KnownTorque("cable", rows[-1], rows[0], np.array([0.3, -0.2, 1.0])),),
-        coulomb_velocity=0.05,
-    )
-    return ActuationLoads(
-        arm.n, actuation, actuation_terms(actuation), rng.uniform(0.1, 0.5, len(actuation_terms(actuation)))
-    )
+    assert_all_give(by_recursion(model, quantity, arrays), model, quantity, arrays, tmp_path)
 
 
 @pytest.mark.parametrize("with_loads", [False, True])
 @pytest.mark.parametrize("quantity", ["inverse_dynamics", "forward_dynamics"])
 def test_a_name_means_in_every_target_what_it_means_in_python(quantity, with_loads, rng, tmp_path):
     arm = load_robot("raven2")
-    loads = every_effect(arm, rng)
+    loads = every_load(arm.n, rng)
     arm = replace(arm, actuation=replace(loads.actuation, values=loads.values))
     given = {"loads": known_loads(arm)} if with_loads else {}
     arrays = arrays_of(arm, quantity, seed=4)
@@ -159,39 +142,22 @@ def test_a_name_means_in_every_target_what_it_means_in_python(quantity, with_loa
     else:
         expected = np.linalg.solve(M, third - held)
     python = {"inverse_dynamics": inverse_dynamics, "forward_dynamics": forward_dynamics}[quantity]
-    made = {to: export_function(arm, quantity, to, **given) for to in ("jax", "casadi", "sympy", "c99")}
-    found = {
-        "Python": python(arm, *arrays, **given),
-        "jax": np.asarray(made["jax"](*arrays)),
-        "casadi": np.array(made["casadi"](*arrays)).ravel(),
-        "sympy": by_sympy(made["sympy"], arrays),
-        "c99": by_c(made["c99"], f"raven2_{quantity}", arrays, 3, tmp_path),
-    }
-    for target, result in found.items():
-        assert_allclose(result, expected, rtol=1e-9, err_msg=target)
+    assert_allclose(python(arm, *arrays, **given), expected, rtol=1e-9)
+    assert_all_give(expected, arm, quantity, arrays, tmp_path, **given)
 
 
 @pytest.mark.parametrize("quantity", ["feedforward", "forward_dynamics"])
 @pytest.mark.parametrize("smooth", [0.05, 0.0])
 def test_friction_and_drives_are_in_every_target(quantity, smooth, rng, tmp_path):
     arm = load_robot("raven2")
-    loads = every_effect(arm, rng)
-    loads = loads._replace(actuation=replace(loads.actuation, coulomb_velocity=smooth))
+    loads = every_load(arm.n, rng, smooth=smooth)
     q, qd, third, _ = arrays = arrays_of(arm, quantity, seed=5)
     if quantity == "feedforward":
         links = inverse_dynamics(arm, *arrays)
         expected = links + loads.torque(q[None], qd[None], third[None], links[None])[0]
     else:
         expected = forward_dynamics(arm, *arrays, loads=loads)
-    made = {to: export_function(arm, quantity, to, loads=loads) for to in ("jax", "casadi", "sympy", "c99")}
-    found = {
-        "jax": np.asarray(made["jax"](*arrays)),
-        "casadi": np.array(made["casadi"](*arrays)).ravel(),
-        "sympy": by_sympy(made["sympy"], arrays),
-        "c99": by_c(made["c99"], f"raven2_{quantity}", arrays, 3, tmp_path),
-    }
-    for target, result in found.items():
-        assert_allclose(result, expected, rtol=1e-9, err_msg=target)
+    assert_all_give(expected, arm, quantity, arrays, tmp_path, loads=loads)
     if quantity == "feedforward":  # friction that a brake lets grow with the load
         brake = Actuation(friction=(Friction("brake", np.eye(3)[1], coulomb=False, viscous=False, load=True),))
         rubbing = ActuationLoads(3, brake, actuation_terms(brake), np.array([0.1, 0.2]))
@@ -203,7 +169,7 @@ def test_friction_and_drives_are_in_every_target(quantity, smooth, rng, tmp_path
 
 def test_a_robot_that_brings_friction_says_which_function_has_it(rng, caplog):
     arm = load_robot("raven2")
-    loads = every_effect(arm, rng)
+    loads = every_load(arm.n, rng)
     arm = replace(arm, actuation=replace(loads.actuation, values=loads.values))
     arrays = arrays_of(arm, "feedforward")
     whole = np.array(export_function(arm, "feedforward", "casadi")(*arrays)).ravel()
@@ -218,31 +184,11 @@ def test_a_robot_that_brings_friction_says_which_function_has_it(rng, caplog):
         export_function(arm, "gravity", "casadi", loads=loads)
 
 
-def stiffness(model, q, gravity):
-    """dg/dq of an arm of links in a row, one coordinate each.
-
-    What joint b or a later one carries turns about (moves along) b; its pull on joint a <= b changes by
-    -m gravity . (z_a x (z_b x (r - p_b))) if both turn, -m gravity . (z_a x z_b) if b slides, 0 if a slides.
-    """
-    poses = [forward_kinematics(model, q, name) for name in model.link_names]
-    axes = [pose.rotation @ axis for pose, axis in zip(poses, model.tree.axis, strict=True)]
-    K = np.zeros((model.n, model.n))
-    for link, pose in enumerate(poses):
-        r = pose.position + pose.rotation @ model.tree.com[link]
-        for a in range(link + 1):
-            for b in range(a, link + 1):
-                if model.tree.prismatic[a]:
-                    continue
-                moved = axes[b] if model.tree.prismatic[b] else np.cross(axes[b], r - poses[b].position)
-                K[a, b] -= model.tree.mass[link] * gravity @ np.cross(axes[a], moved)
-    return K + np.triu(K, 1).T
-
-
 @pytest.mark.parametrize("name", ["two_link", "raven2"])
 def test_gradients_of_gravity_are_its_stiffness(name):
     model = load_robot(name)
     q, gravity = arrays_of(model, "gravity", seed=1)
-    expected = stiffness(model, q, gravity)
+    expected = torque_derivatives(model, q, 0 * q, 0 * q, gravity)[0]
     function = export_function(model, "gravity", "jax")
     assert_allclose(jax.jacfwd(function)(q, gravity), expected, atol=1e-10)
     assert_allclose(jax.jacrev(function)(q, gravity), expected, atol=1e-10)

@@ -91,10 +91,8 @@ def test_regressors_do_not_depend_on_masses(tree: int, seed: int) -> None:
         assert_allclose(regressor(m, q, gravity) @ parameters(other).values, held, atol=1e-10)
 
 
-def test_a_regressor_needs_no_inertia_but_parameters_do() -> None:
+def test_parameters_need_inertia() -> None:
     m = replace(load_robot("raven2"), missing_inertia=("elbow",))
-    assert np.isfinite(gravity_regressor(m, np.ones(3), UPRIGHT)).all()
-    assert np.isfinite(standard_gravity_regressor(m, np.ones(3), UPRIGHT)).all()
     for parameters in (gravity_parameters, standard_gravity_parameters):
         with pytest.raises(MissingInertiaError, match='"elbow"'):
             parameters(m)

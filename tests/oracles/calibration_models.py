@@ -178,10 +178,15 @@ def log_of(names: tuple[str, ...], units: tuple[str, ...], signals: Floats, torq
     )
 
 
-def ticked(corrector: Corrector, q: Floats, signals: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return calibrated positions of a motion and flags, (N, n) each, tick by tick from its first row on."""
+def ticked(
+    corrector: Corrector, q: Floats, signals: Floats, widths: Floats | None = None
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return calibrated positions of a motion and flags, (N, n) each, tick by tick from its first row on.
+
+    Half-widths of intervals go into `widths` (N, n).
+    """
     out, inside = np.empty(q.shape), np.empty(q.shape, dtype=bool)
     corrector.reset()
     for k in range(len(q)):
-        corrector.correct(q[k], signals[k], out[k], inside[k])
+        corrector.correct(q[k], signals[k], out[k], inside[k], *(() if widths is None else (widths[k],)))
     return out, inside

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from catenary.recording.logs import write_parquet
 from catenary.reports.joint_errors import overlay
 from catenary.verdict.mend import Mend
-from command_line import catenary, refusal
+from command_line import catenary
 from tests.truth.spoilings import late
 from tests.verdict.test_delay import cable_arm
 
@@ -42,10 +42,6 @@ def test_check_draws_it(tmp_path: Path) -> None:
     write_parquet(late(cable_arm(), LATE), tmp_path / "late.parquet")
     assert catenary("check", tmp_path / "late.parquet", "--picture", tmp_path / "late.svg").code == 1
     assert b"<svg" in (tmp_path / "late.svg").read_bytes()[:2000]
-
-
-def test_a_robot_has_no_such_picture(tmp_path: Path) -> None:
-    assert "--picture: is of a recording" in refusal("check", "raven2", "--picture", tmp_path / "r.png")
 
 
 @pytest.mark.usefixtures("undrawn")

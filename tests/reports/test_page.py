@@ -23,15 +23,6 @@ def written(path: Path, blocks: list[page.Block], *, simulated: bool = False) ->
     return path.read_text(encoding="utf-8")
 
 
-def test_blocks_stand_in_their_order(tmp_path: Path) -> None:
-    text = written(
-        tmp_path / "p.html", [page.Heading("one"), page.Text("two"), Table(["h"], [["three"]]), page.Text("four")]
-    )
-    words = ("Title", "lead", "one", "two", "h", "three", "four", f"catenary {__version__}")
-    places = [text.index(f">{word}<") for word in words]
-    assert places == sorted(places)
-
-
 @pytest.mark.parametrize(
     "block",
     [page.Heading(NASTY), page.Text(NASTY), Table([NASTY], [[NASTY]]), page.Facts([(NASTY, NASTY)]), page.Remarks([NASTY]), page.Listing(NASTY, NASTY)],
@@ -44,10 +35,13 @@ def test_text_is_escaped(tmp_path: Path, block: page.Block) -> None:
     assert "µ ±" in text
 
 
-def test_pictures_are_inside_the_page(tmp_path: Path) -> None:
+def test_pictures_are_inside_the_page_with_words_for_who_does_not_see_them(tmp_path: Path) -> None:
     figure = Figure(figsize=(2, 1))
     figure.subplots().plot([0, 1])
-    text = written(tmp_path / "p.html", [page.picture(figure, NASTY)])
+    blocks: list[page.Block] = [page.picture(figure, NASTY, "what is drawn"), page.Picture("", "only a caption")]
+    text = written(tmp_path / "p.html", blocks)
+    assert 'alt="what is drawn"' in text
+    assert 'alt="only a caption"' in text
     found = re.search(r'src="data:image/png;base64,([^"]+)"', text)
     assert found
     image = matplotlib.image.imread(io.BytesIO(base64.b64decode(found.group(1))))
@@ -76,20 +70,14 @@ def test_settings_are_shown_without_brackets_digits_of_rounding_and_what_is_not_
     assert facts.rows == [("base tilt deg", "0, -20"), ("names", "pd, sg"), ("third", "0.333333")]
 
 
-def test_verdict_and_date_stand_before_everything_else(tmp_path: Path) -> None:
-    path = tmp_path / "p.html"
-    page.write_page(path, "Title", "lead", [page.Heading("one")], verdict=NASTY, made=date(2026, 5, 14))
+def test_verdict_and_date_stand_first_and_blocks_in_their_order(tmp_path: Path) -> None:
+    path, blocks = tmp_path / "p.html", [page.Heading("one"), page.Text("two"), Table(["h"], [["three"]])]
+    page.write_page(path, "Title", "lead", [*blocks, page.Text("four")], verdict=NASTY, made=date(2026, 5, 14))
     text = path.read_text()
-    places = [text.index(words) for words in (">Title<", 'class="verdict"', ">lead<", "2026-05-14", ">one<")]
+    words = (">Title<", 'class="verdict"', ">lead<", "2026-05-14", ">one<", ">two<", ">h<", ">three<", ">four<")
+    places = [text.index(word) for word in (*words, f">catenary {__version__}<")]
     assert places == sorted(places)
     assert NASTY not in text
-
-
-def test_a_picture_has_words_for_who_does_not_see_it(tmp_path: Path) -> None:
-    blocks: list[page.Block] = [page.Picture("", "caption", "what is drawn"), page.Picture("", "only a caption")]
-    text = written(tmp_path / "p.html", blocks)
-    assert 'alt="what is drawn"' in text
-    assert 'alt="only a caption"' in text
 
 
 def test_columns_of_a_table_line_up() -> None:

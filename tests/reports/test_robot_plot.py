@@ -1,4 +1,3 @@
-import io
 from typing import Any
 
 import numpy as np
@@ -87,13 +86,9 @@ def test_it_draws_on_axes_and_on_figures_of_others() -> None:
         catenary.plot(load_robot("raven2"), on=Figure().add_subplot())
 
 
-def test_several_poses_are_drawn_and_a_picture_is_written() -> None:
-    arm = load_robot("two_link")
-    figure = catenary.plot(arm, np.linspace([0.0, 0.0], [1.0, 2.0], 40))
+def test_several_poses_are_drawn() -> None:
+    figure = catenary.plot(load_robot("two_link"), np.linspace([0.0, 0.0], [1.0, 2.0], 40))
     assert "over all 40 poses" in figure.axes[1].get_title(loc="left")
-    buffer: Any = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=60)
-    assert buffer.getvalue()[:4] == b"\x89PNG"
 
 
 @pytest.mark.parametrize(

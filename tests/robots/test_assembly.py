@@ -142,11 +142,6 @@ def test_a_part_with_an_impossible_inertia_is_a_doubt_where_it_plays_no_part_or_
     assert len(caplog.records) == 1  # one line a robot
 
 
-def test_all_links_that_a_description_gives_no_mass_are_massless_when_asked():
-    model = assemble("r", [link("a"), link("b", "a", inertia=BODY), link("c", "b")], Q, massless="all")
-    assert (model.massless, model.missing_inertia) == (("a", "c"), ())
-
-
 BODY = LinkInertia(1.0, np.zeros(3), np.eye(3))
 NAN3 = np.array([0.0, np.nan, 0.0])
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_dynamics import coriolis_matrix, mass_matrix
-from catenary.dynamics.kinematics import forward_kinematics, jacobian
+from catenary.dynamics.kinematics import forward_kinematics
 from catenary.gravity.torque import gravity_torque
 from catenary.robots.catalog import load_robot
 
@@ -47,11 +47,6 @@ def test_coriolis_matrix_is_the_printed_one() -> None:
         [0.0001, 0.0, 0.0, 0.0, 0.0, 0.0],
     ]
     assert_allclose(coriolis_matrix(PUMA, QN, [1.0, 2.0, 3.0, 1.0, 2.0, 3.0]), printed, atol=PRINTED)
-
-
-def test_manipulability_is_the_printed_one() -> None:
-    J = jacobian(PUMA, QN)
-    assert_allclose(np.sqrt(np.linalg.det(J @ J.T)), 0.0786, atol=PRINTED)
 
 
 def test_it_stands_as_the_closed_form_of_its_arm_says(rng: np.random.Generator) -> None:

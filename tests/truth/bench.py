@@ -32,7 +32,6 @@ VAGUE_PROMISE = 4.0  # of two minutes
 FEW = 0.05  # share of rows in the margin below which no claim is made there
 LEAST = 0.02  # [deg, mm] errors below which nobody cares about 15 per cent
 WORSE = 1.05  # times the error before, that a refresh may leave
-LOCAL_SECONDS = 120.0
 HOLDS, REFUSED, NAMED, FAILS = "holds", "refused", "named", "FAILS"
 
 

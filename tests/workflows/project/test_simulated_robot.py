@@ -21,7 +21,6 @@ from catenary.workflows.project.robot import SimulatedRobot
 from simulated_project import SHORT
 
 ROBOT = SimulatedRobot()
-ACROSS = {"max_velocity": [0.5, 0.5, 0.02], "max_acceleration": [1.0, 1.0, 0.1]}
 
 
 @pytest.fixture
