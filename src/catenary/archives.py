@@ -69,14 +69,11 @@ def read_array(path: Path) -> NDArray[Any]:
 
 
 def decompressed(data: bytes, kind: Literal["bz2", "lz4", "zstd"], most: int) -> bytes:
-    """Return decompressed bytes, refusing more than a limit.
+    """Return decompressed bytes; ValueError where they are damaged, or more than a limit.
 
     Args:
         data, kind: Compressed bytes, and compression.
         most: Largest number of bytes that are decompressed.
-
-    Raises:
-        ValueError: The bytes are damaged, or hold more than `most`.
     """
     import pyarrow as pa
 

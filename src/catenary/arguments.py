@@ -64,7 +64,6 @@ class _Named(str):
 
 
 def _named(signature: inspect.Signature) -> inspect.Signature:
-    """Return a signature whose types are names."""
     parameters = []
     for one in signature.parameters.values():
         hint = one.empty if one.annotation is one.empty else _Named(_name(one.annotation))
@@ -100,7 +99,6 @@ def _members_of_union(parts: tuple[Any, ...]) -> tuple[bool, list[Any]]:
 
 
 def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], named: Mapping[str, Any]) -> str | None:
-    """Return the message about the first argument that contradicts its annotation; None without one."""
     signature, hints = inspect.signature(function), _hints(function)
     try:
         given = signature.bind(*args, **named).arguments

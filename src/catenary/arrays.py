@@ -22,15 +22,12 @@ _APART = 0.5  # of the range of all other numbers, by which -999 lies outside it
 
 
 def spread(count: int, most: int) -> Integers:
-    """Return the indices of a random subset of rows, spread evenly: one of each of as many equal parts, seeded.
+    """Return rising indices, (min(count, most),), of a random subset of rows: one of each of equal parts, seeded.
 
     Every k-th row would sample a periodic motion at a few of its phases, and hide its delay.
 
     Args:
         count, most: Number of rows, and largest number of indices.
-
-    Returns:
-        Rising indices, (min(count, most),).
     """
     edges = np.arange(min(count, most) + 1) * count // max(1, min(count, most))
     drawn = np.random.default_rng(0).random(len(edges) - 1)
@@ -107,9 +104,6 @@ def as_positive(name: str, values: ArrayLike, shape: tuple[int | None, ...] = ()
     Args:
         name, values: Quantity, which opens every message, and its numbers.
         shape: Expected shape; None stands for any length.
-
-    Raises:
-        InputError: As of `as_array`, or a number is zero or less.
     """
     array = as_array(name, values, shape)
     if not (array > 0.0).all():
@@ -124,9 +118,6 @@ def as_not_negative(name: str, values: ArrayLike, shape: tuple[int | None, ...] 
         name, values: Quantity, which opens every message, and its numbers.
         shape: Expected shape; None stands for any length.
         finite: Whether infinity is refused; NaN always is.
-
-    Raises:
-        InputError: As of `as_array`, or a number is below zero.
     """
     array = as_array(name, values, shape, finite=finite)
     if not (array >= 0.0).all():
@@ -135,30 +126,20 @@ def as_not_negative(name: str, values: ArrayLike, shape: tuple[int | None, ...] 
 
 
 def one_for_all(values: ArrayLike, n: int) -> ArrayLike:
-    """Return a scalar repeated for every joint; anything else unchanged.
+    """Return a scalar repeated for every joint (n,); anything else unchanged, which the caller checks.
 
     Args:
         values, n: A scalar or an array of one value per joint, and the number of joints.
-
-    Returns:
-        (n,) of a scalar, else `values`, which the caller checks.
     """
     return np.full(n, values) if np.ndim(values) == 0 else values
 
 
 def as_batch(name: str, values: ArrayLike, width: int) -> tuple[Floats, bool]:
-    """Return one row or many as a batch of rows.
+    """Return one row or many as a batch of rows (N, width), and whether a single row was given.
 
     Args:
         name: The quantity, which opens every message.
-        values: One row (width,), or N of them (N, width).
-        width: Numbers in a row.
-
-    Returns:
-        The rows (N, width), and whether a single row was given.
-
-    Raises:
-        InputError: Another shape, no numbers, or not finite.
+        values, width: One row (width,), or N of them (N, width); numbers in a row.
     """
     array = _as_floats(name, values, (width,))
     if array.ndim not in (1, 2) or array.shape[-1] != width:
@@ -189,14 +170,11 @@ def refuse_non_finite(name: str, array: NDArray[Any]) -> None:
 
 
 def without_missing(values: NDArray[Any], to_si: float = 0.0) -> NDArray[Any]:
-    """Return a joint's samples with NaN in place of the sentinels by which loggers mark missing ones.
+    """Return a joint's samples (N,) with NaN in place of loggers' sentinels; the same array if none is missing.
 
     Args:
         values: Samples of one joint, (N,).
         to_si: Factor to rad or m, for positions: isolated samples beyond any joint's reach are then missing, too.
-
-    Returns:
-        The samples (N,); the same array if none is missing.
     """
     with np.errstate(invalid="ignore"):
         size = np.abs(np.asarray(values, dtype=np.float64))

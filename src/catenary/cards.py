@@ -64,11 +64,7 @@ def write_with_card(path: Path, arrays: Mapping[str, NDArray[Any]], card: Mappin
 
     Args:
         path: Archive (.npz); the copy's name is `card_path` of it.
-        arrays: Arrays by name.
         card: Description; the SHA-256 of the arrays is added.
-
-    Raises:
-        OSError: The disk is full, or the folder is not writable.
     """
     text, buffer = card_text({**card, _SEAL: sha256_of_arrays(arrays)}), io.BytesIO()
     np.savez(buffer, allow_pickle=False, card=np.array(text), **arrays)
@@ -81,15 +77,12 @@ def write_with_card(path: Path, arrays: Mapping[str, NDArray[Any]], card: Mappin
 
 
 def card_of(arrays: Mapping[str, NDArray[Any]], path: Path, remedy: str) -> dict[str, Any]:
-    """Return the card of an archive, after its checksum was compared; it detects damage, not forgery.
+    """Return the card of an archive, checked against damage, not forgery; FileFormatError where it does not fit.
 
     Args:
         arrays: Arrays of the archive by name, the card's text among them.
         path: The archive, for messages.
         remedy: How such a file is made again.
-
-    Raises:
-        FileFormatError: The card is unreadable, or of other arrays.
     """
     card = json_table(str(arrays.get("card")), "card", finite=False)
     if card.get(_SEAL) != sha256_of_arrays(arrays):

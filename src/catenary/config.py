@@ -44,13 +44,10 @@ def file_keys(**keys: str) -> ConfigDict:
 
 
 def load_toml(path: Path, schema: type[Schema]) -> Schema:
-    """Read a TOML file into a schema.
+    """Read a TOML file into a schema; ConfigError says where in the file it does not fit.
 
     Args:
         path, schema: The file, and the type that it is parsed into.
-
-    Raises:
-        ConfigError: No such file, no TOML, or content that the schema refuses; says where in the file.
     """
     try:
         content = toml_table(read_bounded(path, MOST_TOML), str(path))
@@ -64,28 +61,19 @@ def parse_json(data: str | bytes, schema: type[Schema], where: str, *, finite: b
 
     Args:
         data: Text, or its bytes in UTF-8.
-        schema: Type that it is parsed into.
         where: The text's source, which opens every message.
         finite: Whether NaN and infinity are refused.
-
-    Raises:
-        FileFormatError: No JSON within the limits of `json_value`.
-        ConfigError: The schema refuses the content.
     """
     return parse_settings(json_value(data, where, finite=finite), schema, where)
 
 
 def parse_settings(content: Any, schema: type[Schema], where: str, context: Any = None) -> Schema:
-    """Validate plain data against a schema.
+    """Validate plain data against a schema; ConfigError has a line for each problem: where, expected, found.
 
     Args:
         content: Plain data: tables, lists, numbers, text.
-        schema: Type that it is parsed into.
         where: The data's source, which opens every message.
         context: Handed to the schema's validators.
-
-    Raises:
-        ConfigError: One line for each problem: where it is, what was expected, what is there.
     """
     try:
         # strict, as JSON: "1" or true is no number, while a list may fill a tuple and a text a path or a date
@@ -149,7 +137,6 @@ def _key_text(location: tuple[str | int, ...], content: Any) -> str:
 
 
 def _fields_at(schema: type[Any], location: tuple[str | int, ...]) -> set[str]:
-    """Return the keys that may stand at a place."""
     here: Any = schema
     for step in location:
         if not isinstance(step, int):

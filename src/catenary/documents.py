@@ -44,15 +44,12 @@ def no_file(path: Path) -> str:
 
 @contextmanager
 def reading(path: Path | str, kind: str, unreadable: tuple[type[Exception], ...]) -> Iterator[None]:
-    """Convert a library's errors over a file into `FileFormatError`, within a `with` block.
+    """Convert a library's errors over a file, and too deep nesting, into `FileFormatError`, within a `with` block.
 
     Args:
         path: The file, which opens every message.
         kind: Its format, for the message.
         unreadable: Exceptions by which the library refuses a file.
-
-    Raises:
-        FileFormatError: The block raised one of `unreadable`, or the file is nested too deeply.
     """
     try:
         yield
@@ -66,13 +63,10 @@ def reading(path: Path | str, kind: str, unreadable: tuple[type[Exception], ...]
 
 
 def read_bounded(path: Path, most: int) -> bytes:
-    """Return the bytes of a file within a limit.
+    """Return the bytes of a file within a limit; FileFormatError where it is larger or cannot be read.
 
     Args:
         path, most: The file, and its largest size [B].
-
-    Raises:
-        FileFormatError: No such file, unreadable, or larger.
     """
     try:
         with path.open("rb") as file:
@@ -129,9 +123,6 @@ def json_table(data: str | bytes, where: str, *, finite: bool = True) -> dict[st
     Args:
         data, where: Text, or its bytes in UTF-8, and its source, which opens every message.
         finite: Whether NaN and infinity are refused.
-
-    Raises:
-        FileFormatError: As of `json_value`, or the text holds something else.
     """
     content = json_value(data, where, finite=finite)
     if not isinstance(content, dict):
@@ -149,13 +140,10 @@ def without_comments(data: bytes) -> bytes:
 
 
 def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
-    """Parse TOML text into plain data, within `MOST_TOML` and `MAX_LEVELS`.
+    """Parse TOML text into plain data, within `MOST_TOML`, `MAX_LEVELS` and a float64's range; else FileFormatError.
 
     Args:
         data, where: Text, or its bytes in UTF-8, and its source, which opens every message.
-
-    Raises:
-        FileFormatError: No TOML, beyond the limits, or a number beyond a float64.
     """
     text = _text_of(data, where, "TOML", MOST_TOML)
     if _DEEP_KEY.search(text):  # of which tomllib makes every part that a key begins with
@@ -216,9 +204,6 @@ def xml_root_tag(data: str | bytes, where: str) -> str:
 
     Args:
         data, where: Text, or its bytes, and its source, which opens every message.
-
-    Raises:
-        FileFormatError: Too long, or no element at all.
     """
     _refuse_length(data, where, MOST_XML)
     found = _ROOT_TAG.search(XML_COMMENT.sub(b"", data.encode() if isinstance(data, str) else data))
@@ -276,6 +261,5 @@ def _real(digits: str, text: str, where: str) -> float:
 
 
 def _place(text: str, literal: str) -> str:
-    """Return the line and column of a number's first occurrence, for a message."""
     at = text.find(literal)
     return f"line {text.count(chr(10), 0, at) + 1}: " if at >= 0 else ""

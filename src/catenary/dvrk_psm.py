@@ -24,9 +24,6 @@ def psm_topic(namespace: str, verb: str, rate: float | None = None) -> Topic:
         namespace: Name of the arm, whose last word begins with PSM: "/PSM1".
         verb: One of `_PSM_TOPICS`.
         rate: Messages per second [Hz]; the dVRK's usual rate when None.
-
-    Raises:
-        InputError: Another namespace.
     """
     column, usual = _PSM_TOPICS[verb]
     name = f"/{namespace.strip('/')}/{verb}"
@@ -42,9 +39,6 @@ def psm_topics(namespace: str, *, state_rate: float = 30.0) -> tuple[Topic, ...]
     Args:
         namespace: Name of the arm: "/PSM1".
         state_rate: Rate of the arm's own topics [Hz]; a tracker's is its usual one.
-
-    Raises:
-        InputError: As of `psm_topic`.
     """
     return tuple(psm_topic(namespace, verb, None if verb.startswith("tracker") else state_rate) for verb in _PSM_TOPICS)
 

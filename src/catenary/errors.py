@@ -63,11 +63,7 @@ class ClosedLoopError(UnsupportedModelError):
 
 
 class MissingInertiaError(CatenaryError, ValueError):
-    """A torque or mass was asked of a model whose links lack the inertia that it needs.
-
-    Attributes:
-        links: Names of the links without.
-    """
+    """A torque or mass was asked of a model that lacks the inertia for it, of the links named in `links`."""
 
     def __init__(self, model_name: str, links: Sequence[str], *, only_tensor: bool = False) -> None:
         self.links = tuple(links)
@@ -110,15 +106,12 @@ def to_install(extra: str) -> str:
 
 
 def imported(module: str, why: str, extra: str) -> Any:
-    """Import a module of an optional package.
+    """Import a module of an optional package; MissingPackageError says how to install it.
 
     Args:
         module: Dotted name.
         why: What needs it, which opens the message.
         extra: Extra of catenary that installs it.
-
-    Raises:
-        MissingPackageError: It is not installed; says how to install it.
     """
     try:
         return import_module(module)
@@ -174,8 +167,7 @@ class ExcitationError(CatenaryError, ValueError):
     """Recordings do not move the robot in a way that would show its parameters.
 
     Attributes:
-        rank: How many independent combinations of parameters the recordings show.
-        n_base: How many the robot has.
+        rank, n_base: How many independent combinations of parameters the recordings show, and the robot has.
     """
 
     def __init__(self, message: str, *, rank: int, n_base: int) -> None:

@@ -95,9 +95,6 @@ def write_atomically(path: Path, content: bytes) -> None:
 
     Args:
         path, content: The file, which is replaced if it exists, and its bytes.
-
-    Raises:
-        OSError: The disk is full, or the folder is not writable.
     """
     with written_whole(path) as file:
         file.write(content)
@@ -123,7 +120,6 @@ def damage(path: Path, why: object, remedy: str) -> str:
     """Return the message about a damaged file: which, what is wrong, how to make it again.
 
     Args:
-        path: The file.
         why: What is wrong with it; an empty file is reported as such.
         remedy: How such a file is made again.
     """

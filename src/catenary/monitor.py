@@ -160,8 +160,6 @@ def monitor_lines(name: str, shot: Snapshot, columns: int = 80, lines: int = 24,
     """Return the lines of the monitor's screen.
 
     Args:
-        name: Robot, for the title.
-        shot: State to show.
         columns: Width [characters]; columns of the table that do not fit are left out.
         lines: Height; exactly as many are returned.
         colour: Whether warnings are red; escape codes do not count towards `columns`.

@@ -146,14 +146,10 @@ PSM = KINDS["dvrk_psm"]
 
 
 def kind_with_joints(joints: Sequence[str], arm: str = "gold") -> RobotKind | None:
-    """Return the kind of robot that has given joints among its own.
+    """Return the kind of robot that has given joints among its own; None if no kind has.
 
     Args:
-        joints: Joint names.
         arm: Side of a RAVEN-II: "gold" or "green".
-
-    Returns:
-        The kind, or None of joints of no kind.
     """
     return next((k for k in KINDS.values() if set(joints) <= set(k.joints) and (k is PSM or k.arm == arm)), None)
 
@@ -175,10 +171,6 @@ def open_robot(robot: str | RobotModel, where: Simulated | OverTopics) -> Simula
         robot: Name in the catalogue or description file; a `RobotModel` is simulated as rigid bodies.
         where: `Simulated`: enabled and homed unless it is to stay switched off. `OverTopics`: a `CrtkClient`, or a
             `CrtkReader` if it is only read, for the caller to close.
-
-    Raises:
-        InputError: Unknown robot or dialect.
-        UnsupportedModelError: The robot cannot be simulated with these options.
     """
     if isinstance(where, OverTopics):
         return _over_topics(str(robot), where)
@@ -190,14 +182,10 @@ def open_robot(robot: str | RobotModel, where: Simulated | OverTopics) -> Simula
 
 
 def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
-    """Refuse options that a simulated robot of a kind does not have.
+    """Refuse options that a simulated robot of a kind does not have; UnsupportedModelError names kinds that have them.
 
     Args:
         robot: Name, description file or model.
-        where: Options of the simulation.
-
-    Raises:
-        UnsupportedModelError: An option is given that the kind has not; names those that have it.
     """
     kind = _kind(robot)
     for option, words in _OPTIONS.items():
@@ -212,11 +200,7 @@ def spoken_dialect(robot: str, dialect: str | None) -> str:
     """Return the CRTK dialect to use with a robot.
 
     Args:
-        robot: Name in the catalogue.
         dialect: Dialect asked for; the robot's own first one when None.
-
-    Raises:
-        InputError: The robot does not speak it.
     """
     own = _kind(robot).dialects
     found = next((one for one in own if dialect in (None, one)), None)

@@ -112,13 +112,10 @@ def sync_folder(folder: Path) -> None:
 
 
 def reserve(file: BinaryIO, size: int) -> None:
-    """Reserve disk space for a new file; by writing zeros where the system cannot reserve.
+    """Reserve disk space, or write zeros where the system cannot, for a new file; OSError when the disk is full.
 
     Args:
         file, size: Open file, and space [B].
-
-    Raises:
-        OSError: The disk is full.
     """
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(file.fileno(), 0, size)

@@ -231,9 +231,6 @@ def joint_indices(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDAr
     Args:
         wanted, had: Joints (names, units) to find, and those to search, which may be more.
         whose, of: Owner of each for messages: 'recording "run"' has, "the model is for" wants.
-
-    Raises:
-        InputError: A joint is missing, or in another unit.
     """
     names = had.joint_names
     both = f"it has {joints_text(had)}, {of} {joints_text(wanted)}"

@@ -29,8 +29,7 @@ def part_of(progress: Progress, part: int, parts: int) -> Progress:
     """Return the progress callback of one part of a task of equal parts.
 
     Args:
-        progress: Callback of the whole task, for 0 to 1.
-        part, parts: Index of the part, and number of parts.
+        progress, part, parts: Callback of the whole task, for 0 to 1; index and number of parts.
     """
     return lambda done: progress((part + done) / parts)
 
@@ -41,10 +40,7 @@ def on_workers(workers: int = 1, cluster: str | None = None) -> Iterator[None]:
 
     Args:
         workers: Processes on this machine; 1 is this process alone.
-        cluster: Address of a Dask scheduler, tcp://HOST:PORT, in their place.
-
-    Raises:
-        InputError: Dask is not installed, or the scheduler does not answer.
+        cluster: Address of a Dask scheduler, tcp://HOST:PORT, in their place; InputError if it does not answer.
     """
     from joblib import parallel_config
 

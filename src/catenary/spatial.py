@@ -56,10 +56,7 @@ def as_pose(name: str, pose: Pose | ArrayLike) -> Pose:
 
     Args:
         name: The quantity, which opens every message.
-        pose: `Pose` (3, 3), (3,) or matrix (4, 4); translation in m.
-
-    Raises:
-        InputError: Another shape, a rotation that is none, or a last row other than 0 0 0 1.
+        pose: `Pose` (3, 3), (3,) or matrix (4, 4) with last row 0 0 0 1; translation in m.
     """
     if isinstance(pose, Pose):
         return Pose(as_rotation(f"{name} rotation", pose.rotation), as_array(f"{name} position", pose.position, (3,)))
@@ -119,9 +116,6 @@ def unit_vector(name: str, vector: ArrayLike, size: int = 3) -> Floats:
     Args:
         name: The quantity, which opens every message.
         vector, size: Numbers (size,), and their number.
-
-    Raises:
-        InputError: Another shape, not finite, or of length zero.
     """
     given = as_array(name, vector, (size,))
     largest = float(np.abs(given).max())
@@ -132,7 +126,6 @@ def unit_vector(name: str, vector: ArrayLike, size: int = 3) -> Floats:
 
 
 def _rotation_of(w: float, x: float, y: float, z: float) -> Floats:
-    """Return the rotation matrix of a unit quaternion."""
     return np.array(
         [
             [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
@@ -182,13 +175,10 @@ def rotation_from_vector(vector: ArrayLike) -> Floats:
 
 
 def angle_between(a: Floats, b: Floats) -> Floats:
-    """Return the angle between vectors, exact also for nearly parallel ones.
+    """Return angles [rad], 0 to pi (...,), between vectors, exact also for nearly parallel ones.
 
     Args:
         a, b: Vectors (..., 3) of any length.
-
-    Returns:
-        Angles [rad], 0 to pi, (...,).
     """
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
 
@@ -198,9 +188,6 @@ def as_rotation(name: str, values: ArrayLike) -> Floats:
 
     Args:
         name, values: Quantity, which opens every message, and matrix (3, 3).
-
-    Raises:
-        InputError: Another shape, or no rotation.
     """
     matrix = as_array(name, values, (3, 3))
     if np.abs(matrix).max() > 2.0:

@@ -45,9 +45,7 @@ def joint_topic(name: str, column: str, joints: tuple[str, ...], *, rate: float,
     """Return a topic of JointState messages, whose velocity and effort may be absent.
 
     Args:
-        name: Topic.
         column: Name of its positions in a recording.
-        joints: Joint names.
         rate: Messages per second [Hz].
         bag: Name of its bag, for RAVEN's programs.
         unit: Unit of all positions; without one insertions are in m, other joints in rad.

@@ -24,8 +24,7 @@ def from_display(shown: Any, unit: str) -> Any:
     """Return values shown in deg or mm in a joint's SI unit.
 
     Args:
-        shown: Number or array [deg or mm].
-        unit: "rad" or "m".
+        shown, unit: Number or array [deg or mm]; "rad" or "m".
     """
     return shown * TO_SI["deg"][1] if unit == "rad" else shown / 1000.0
 
@@ -34,9 +33,7 @@ def in_words(value: float, unit: str, digits: int) -> str:
     """Return a joint's value as text in deg or mm.
 
     Args:
-        value: Value [rad or m].
-        unit: "rad" or "m".
-        digits: Decimals.
+        value, unit, digits: Value [rad or m]; "rad" or "m"; number of decimals.
     """
     shown, scale = DISPLAY[unit]
     return f"{scale * value:.{digits}f} {shown}"

@@ -15,16 +15,10 @@ def visible(text: str) -> str:
 
 
 def range_bar(value: float, low: float, high: float, characters: int) -> str:
-    """Return the position of a value between its limits as text: [...#........].
+    """Return the position of a value between its limits as text, [...#........]; "no limits" where one is not finite.
 
     Args:
-        value: Value.
-        low: Lower limit.
-        high: Upper limit.
         characters: Width without brackets.
-
-    Returns:
-        The bar, or "no limits" where one of the three is not finite.
     """
     if not all(map(isfinite, (value, low, high))):
         return "no limits"
@@ -43,7 +37,6 @@ class VisibleStream:
     """
 
     def __init__(self, stream: Any) -> None:
-        """Take the stream that is written to."""
         self.stream = stream
 
     def __getattr__(self, name: str) -> Any:

@@ -37,8 +37,6 @@ def find_cables(recordings: Recordings, options: FitOptions, *, held_out: float 
 
 
 class _Search:
-    """The search of one joint's cable."""
-
     def __init__(self, rows: SearchedRows, joint: int, joints: Sequence[int]) -> None:
         self._rows, self._joint = rows, joint
         self._others = [other for other in joints if other != joint]
@@ -106,7 +104,6 @@ class _Search:
 
 
 def _least(score: Callable[[float], float], start: float, away: float) -> float:
-    """Return the minimum of a score around a start."""
     found = minimize_scalar(score, bounds=(start - away, start + away), method="bounded", options={"xatol": 1e-4})
     return float(found.x) if found.fun < score(start) else start
 

@@ -77,14 +77,11 @@ class Calibration(CalibrationModel):
         return Screen(f"{named}{own.title}, {self.card.get('rows', 0):,} rows", [*crossed, *own.tables], verdict)
 
     def predict(self, q_nominal: Motion, **arrays: Unpack[MotionArrays]) -> Floats:
-        """Return the estimated true joint positions.
+        """Return the estimated true joint positions (N, n) [rad|m]; outside the valid range the fixed offset is added.
 
         Args:
             q_nominal: (N, n) reported positions [rad|m], or recordings.
             arrays: `tau`, `qd` and `time` if the model takes them and positions are an array; see MotionArrays.
-
-        Returns:
-            (N, n) calibrated positions [rad|m]; outside the valid range the fixed offset is added.
 
         Raises:
             InputError: Another number of joints, NaN, or an input of the model is missing.
@@ -355,7 +352,6 @@ def _logs(
     qd: ArrayLike | None = None,
     time: ArrayLike | None = None,
 ) -> list[MotionLog]:
-    """Return recordings as logs; arrays become one log."""
     quantities = {"q_encoder": q_encoder, "tau": tau, "qd": qd, "time": time}
     recordings = [motion] if isinstance(motion, Recording) else motion
     if isinstance(recordings, Sequence) and recordings and all(isinstance(item, Recording) for item in recordings):

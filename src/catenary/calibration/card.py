@@ -88,7 +88,6 @@ def model_card(
 
 
 def _joints(model: CalibrationModel, kind: ModelKind) -> list[dict[str, Any]]:
-    """Return each joint's model and inputs."""
     group_of = {j: group for group in model.groups for j in group.joints}
     return [
         {
@@ -115,7 +114,6 @@ def _inputs(model: CalibrationModel, X: Floats) -> list[dict[str, Any]]:
 
 
 def _intervals(model: CalibrationModel) -> dict[str, Any] | None:
-    """Return the coverage and widths of a model's intervals; None without."""
     if model.intervals is None:
         return None
     return {

@@ -217,8 +217,7 @@ def _of_another(variance: Floats, parts: int, freedom: int, probability: float) 
     return np.asarray(t.ppf(0.5 + 0.5 * probability, freedom) * np.sqrt(2.0 * variance / parts))
 
 
-def _log_rmse(errors: Floats, part: Integers) -> Floats:
-    """Return the log RMSE (K, n) of errors (N, n) on each part (N,)."""
+def _log_rmse(errors: Floats, part: Integers) -> Floats:  # (K, n) of errors (N, n) on each part (N,)
     squares = [np.mean(np.square(errors[part == k]), axis=0) for k in np.unique(part)]
     return np.asarray(0.5 * np.log(np.maximum(squares, _LEAST_SQUARE)))
 

@@ -113,7 +113,6 @@ def usable_rows(recordings: Recordings, features: FeatureSet, *, every: int = 1)
     """Collect the rows of recordings that have a measurement (`ok`), and no error beyond the recordings' limits.
 
     Args:
-        recordings: The recordings.
         features: Features to compute; they follow all rows.
         every: One row in so many is taken, at random.
     """

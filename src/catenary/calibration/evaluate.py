@@ -110,9 +110,7 @@ def error_table(
     """Return RMSE per joint raw, after the fixed offset and after the model, and the share outside its valid range.
 
     Args:
-        evaluation: Errors of the model.
         name: Heading of the model's column.
-        title: Title of the table.
     """
     unit = in_units(joint.unit for joint in evaluation.joints)
     columns: list[Column] = [
@@ -129,12 +127,8 @@ def evaluate(model: CalibrationModel, data: CalibrationData, *, window: float | 
     """Evaluate a model on rows of data: the same ones count for the raw, the offset's and the model's error.
 
     Args:
-        model: The model.
         data: Rows with its features.
         window: Length of a time window [s], or rows without time; a tenth of the data when None.
-
-    Raises:
-        InputError: No rows, or features of another model.
     """
     data.require(model, model.features)
     if len(data) == 0:
@@ -187,7 +181,6 @@ def spread_table(spread: Sequence[Spread], name: str = "model") -> Table:
     """Return mean and standard deviation of the RMSE over blocks of a cross-validation, and the error to expect.
 
     Args:
-        spread: Errors on blocks, for each joint.
         name: Heading of the model's column.
     """
     unit = in_units(s.unit for s in spread)

@@ -43,8 +43,6 @@ class Memory(NamedTuple):
 
 
 class _Column(NamedTuple):
-    """A feature with its name, unit and source signal."""
-
     name: str
     unit: str
     signal: str
@@ -224,11 +222,7 @@ class FeatureSet:
 
 @compiled
 def follow(signals: Floats, firsts: Integers, seconds: Integers, factors: Floats, along: Floats) -> None:
-    """Write positions or paths: along (N, J) = signals[:, firsts] + factors * signals[:, seconds].
-
-    Args:
-        signals, firsts, seconds, factors, along: (N, S); columns (J,), (J,); (J,); (N, J).
-    """
+    """Write positions or paths: along (N, J) = signals[:, firsts] + factors * signals[:, seconds]."""
     for row in range(len(signals)):
         for j in range(len(firsts)):
             along[row, j] = signals[row, firsts[j]]

@@ -62,7 +62,6 @@ def fit_logs(
     """Fit a model to recordings; see `fit_recordings`.
 
     Args:
-        logs: Recordings.
         options, run: Model to fit; rows that the fit sees, and its tests.
         progress: Called with the share done, 0 to 1.
     """
@@ -77,13 +76,8 @@ def fit_recordings(
     """Fit a model to recordings, and evaluate it on blocks of time and a held-out part that it did not see.
 
     Args:
-        recordings: The recordings.
         options, run: Model to fit; rows that the fit sees, and its tests.
         progress: Called with the share done, 0 to 1.
-
-    Raises:
-        DataError: Something is wrong with the recordings.
-        InputError: Too few rows, or options that contradict each other.
     """
     options = options.of_kind(options.kind, options.preset)
     held_out = run.held_out or 0.0
@@ -151,7 +145,6 @@ def _without(data: CalibrationData, kept: Floats, every: Floats) -> str:
 
 
 def _rows(recordings: Recordings, features: FeatureSet, run: FitRun) -> Rows:
-    """Return the rows that are fitted to, those held out, and all of them."""
     count = sum(len(log) for log in recordings.logs)
     every = 1 if count <= _MAX_ROWS else -(-count // _SAMPLED_ROWS)  # neighbours in a longer recording tell hardly more
     everything = usable_rows(recordings, features, every=every)
@@ -179,7 +172,6 @@ def _concluded(
     found: Passed,
     rows: Rows,
 ) -> FitResult:
-    """Return a fitted model with its intervals, errors and card."""
     logs, (model, validation), (data, late, everything) = recordings.logs, made, rows
     notes = [*data_notes(logs, everything), *found.notes]
     intervals, hidden, growth = None, None, np.ones(1)

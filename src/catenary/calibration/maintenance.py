@@ -34,13 +34,8 @@ def judge_recordings(
     """Refuse recordings on which a model's error means nothing; return notes on the others.
 
     Args:
-        model, recordings: The model, and the recordings.
         accept: Names of findings to continue despite.
-        learning: Whether the model is to learn from them: they must not be short, nor the arm at rest.
         done: What is done with them, for messages.
-
-    Raises:
-        DataError: A finding is not accepted.
     """
     try:
         return recordings.judged(accept, testing=not learning, trained=trained_positions(model), done=done).notes
@@ -54,8 +49,6 @@ def mended_as_trained(model: CalibrationModel, log: MotionLog, own: Mend = NO_ME
 
     Args:
         model: The model, which keeps the corrections of its training data.
-        log: The recording.
-        own: Corrections asked for.
     """
     trained = dict(model.mends)
     if "units" in trained and len(log.joint_names) == len(model.joint_names):
@@ -70,7 +63,6 @@ def trained_limits(
     """Return the errors beyond which rows are left out [deg|mm], and notes.
 
     Args:
-        card: Card of the model.
         asked: Limits asked for; the model's own when None.
         as_trained: Whether the model's own limits apply where none are asked for.
     """
@@ -125,13 +117,7 @@ def refresh_with(
     """Refresh a model with recordings of a new day; see `refresh_model`.
 
     Args:
-        model, card, recordings: The model, its card, and recordings of the new day.
         accept: Names of findings to continue despite.
-        sha256: Hash of the model's file; None for one in memory.
-
-    Raises:
-        InputError: A recording is one that the model was fitted to.
-        DataError: A finding is not accepted.
     """
     for log in recordings.logs:
         if log.is_among(card["data"]):

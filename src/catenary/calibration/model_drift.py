@@ -74,16 +74,10 @@ def find_drift(
     """Return a model's errors on recordings in order, and the first one beyond its promise.
 
     With intervals, a joint is beyond where they hold less than half of what may lie outside allows (85 % for 90 %);
-    without, where its RMSE exceeds `factor` times the error on the card.
+    without, where its RMSE exceeds `factor` times the error on the card. A model without either is an InputError.
 
     Args:
-        model: The model.
         recordings: Recordings with q_encoder, the oldest first, joints as the model's.
-        known: Errors on the card (n,) [deg|mm]; None if it has none.
-        factor: Ratio above 0.
-
-    Raises:
-        InputError: The model has neither intervals nor an error on data that it did not see.
     """
     if model.intervals is None and known is None:
         raise InputError(
@@ -118,7 +112,6 @@ def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor:
 
     Args:
         cards: Name, card and errors of each model.
-        factor: Ratio above 0.
     """
     cards = sorted(cards, key=lambda each: last_date(each[1]) or "9")
     joints = [[(joint["name"], joint["unit"]) for joint in card["joints"]] for _, card, _ in cards]

@@ -37,9 +37,6 @@ def save_model(model: CalibrationModel, card: Card, path: Path) -> None:
 
     Args:
         model, card, path: The model, its card, and the file (.npz).
-
-    Raises:
-        OSError: The folder is not writable, or the disk is full.
     """
     whole, arrays = packed(model), dict[str, NDArray[Any]]()
     structure = {"format": _FORMAT} | stored({name: getattr(whole, name) for name in _FIELD_NAMES}, arrays)
@@ -52,9 +49,6 @@ def load_model(path: Path, own: Named | Sequence[Named] | None = None) -> tuple[
     Args:
         path: The file (.npz).
         own: Class or function of a model of kind "own" (own_model.py).
-
-    Raises:
-        FileFormatError: No such file, damaged, or of another version.
     """
     remedy = "`catenary fit` makes a model again, `catenary calibrate` those of its project"
     try:

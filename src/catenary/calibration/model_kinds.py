@@ -27,7 +27,6 @@ class ModelKind:
         fitted_by: `module:function` of this room, called with features (N, F), wanted outputs (N, m) and what it
             `takes`; it returns a predictor (predictors.py), which model files hold as it is.
         takes: Further arguments of that function, of those that fit_rows.fit_model gives.
-        preset: The name of its settings.
         settings: The name, in that module, of settings that the function takes and the card tells.
         play_shares: Half-widths of play states that it takes unasked, of each joint's range; with friction states.
         of_error: It is fitted to the joint error, whatever the target.
@@ -114,15 +113,7 @@ RETIRED = ("auto", "hysteretic")  # and preset best of neural: models of files, 
 
 
 def kind_of(name: str, preset: str | None = None) -> ModelKind:
-    """Return the record of a kind of model.
-
-    Args:
-        name: Name of the kind.
-        preset: Preset that may name it, too.
-
-    Raises:
-        InputError: No such kind, or one that is no longer fitted.
-    """
+    """Return the record of a kind, by its name or a preset's; InputError for none, or one no longer fitted."""
     if name not in MODEL_KINDS:
         why = "; it is no longer fitted" if name in RETIRED else ""
         raise InputError(f'model "{name}": expected one of {", ".join(MODEL_KINDS)}{why}')

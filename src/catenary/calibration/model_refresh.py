@@ -138,8 +138,6 @@ def _wider(old: Intervals, errors: CrossValidation) -> Intervals | None:
 
 
 class _Mean(NamedTuple):
-    """The mean of what a day changed."""
-
     level: Floats  # (m,) change of the logarithm of each element's friction
     slopes: Floats  # (n, 2) of corrections and of positions
     zeros: Floats  # (n,) [rad|m]
@@ -147,8 +145,6 @@ class _Mean(NamedTuple):
 
 
 class _Day:
-    """The rows of a day, and a model at a level of friction."""
-
     def __init__(self, model: CalibrationModel, data: CalibrationData, level: Floats, by_level: Floats) -> None:
         self.model, self.data = model, data
         self.level, self.by_level = level, by_level  # (m,) in logarithms; (N, n, m) slopes of corrections
@@ -272,8 +268,7 @@ def _too_local(name: str, seen: tuple[float, int]) -> str:
     )
 
 
-def _rmse_on(block: Integers, errors: Floats) -> Floats:
-    """Return RMSE on each block (N,) of errors (N, m), (K, m)."""
+def _rmse_on(block: Integers, errors: Floats) -> Floats:  # (K, m) of errors (N, m) on each block (N,)
     return np.array([np.sqrt(np.mean(np.square(errors[block == k]), axis=0)) for k in np.unique(block)])
 
 

@@ -85,7 +85,6 @@ class Adam:
     """Adaptive moments of every parameter's slope [Kingma and Ba 2014, algorithm 1]."""
 
     def __init__(self, parameters: Sequence[Singles]) -> None:
-        """Begin with moments of zero for parameters of these shapes."""
         self._means = [np.zeros(parameter.size, np.float32) for parameter in parameters]
         self._squares = [np.zeros(parameter.size, np.float32) for parameter in parameters]
         self._steps = 0

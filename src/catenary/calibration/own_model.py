@@ -107,15 +107,7 @@ def packed(model: CalibrationModel) -> CalibrationModel:
 
 
 def with_estimators(model: CalibrationModel, own: Named | Sequence[Named] | None) -> CalibrationModel:
-    """Return a model whose estimators are objects again.
-
-    Args:
-        model: Model as it was read.
-        own: Class or function of the estimators, and of those that they are made of; None leaves them packed.
-
-    Raises:
-        InputError: Another class, or types of packages whose classes are not named.
-    """
+    """Return a model whose estimators are objects, of the classes or functions named; packed if None."""
     if own is None:
         return model
     several = own.split(",") if isinstance(own, str) else own if isinstance(own, Sequence) else [own]

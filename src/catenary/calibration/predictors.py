@@ -237,8 +237,7 @@ def fit_polynomial(X: Floats, Y: Floats, *, ridge: float = 0.0) -> Expansion:
     return Expansion(Terms.plain(mean, scale, pairs), weights, bias - middle @ weights)
 
 
-def _least_squares(Z: Floats, Y: Floats, ridge: float) -> tuple[Floats, Floats]:
-    """Return weights (F, m) and bias (m,) of a regression on standardised features."""
+def _least_squares(Z: Floats, Y: Floats, ridge: float) -> tuple[Floats, Floats]:  # weights (F, m), bias (m,)
     from sklearn.linear_model import LinearRegression, Ridge
 
     regression = Ridge(alpha=ridge) if ridge > 0.0 else LinearRegression()

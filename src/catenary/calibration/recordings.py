@@ -36,11 +36,7 @@ class Recordings:
     def of(
         cls, logs: Sequence[MotionLog], *, robot: str | None = None, max_error: Sequence[float] | None = None
     ) -> Self:
-        """Resolve recordings: of the robot of that name or of theirs, with limits of errors per joint in deg and mm.
-
-        Raises:
-            InputError: No recording, other joints, two robots, or limits that do not fit the joints.
-        """
+        """Resolve recordings: of the robot of that name or of theirs, with limits of errors per joint in deg and mm."""
         ordered = _in_one_order(logs)
         return cls(ordered, robot_of(ordered, robot), error_limits(max_error, ordered[0]))
 
@@ -81,10 +77,6 @@ def error_limits(max_error: Sequence[float] | None, log: MotionLog) -> Floats | 
 
     Args:
         max_error: Limit per joint in deg and mm.
-        log: Recording whose joints they are for.
-
-    Raises:
-        InputError: Another number of limits, or one that is not positive.
     """
     if max_error is None:
         return None

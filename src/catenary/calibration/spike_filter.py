@@ -18,12 +18,7 @@ _FAST_SHARE, _FADE_FACTOR, _SEVERAL_ROWS = 0.5, 0.98, 1.5
 
 
 def room_of(log: MotionLog, period: float | None) -> Floats:
-    """Return the number of periods that each row had to move since the one before, (N,): one or more.
-
-    Args:
-        log: The recording.
-        period: Usual step between rows [s]; None counts one.
-    """
+    """Return the number (N,) of periods [s] that each row had to move since the one before, 1 or more; 1 for None."""
     room = np.ones(len(log))
     if period is not None and log.time is not None:
         room[1:] = np.maximum(1.0, np.diff(log.time) / period)

@@ -275,7 +275,6 @@ _OVER = {"silence": "the robot is back", "fault": "its fault is over", "stale": 
 
 
 def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", seconds: float) -> None:
-    """Run a deployed model, and say what changes: the robot's silence, its faults, stale inputs."""
     transport = client.transport
     end, said = transport.steady() + seconds * 1e9, dict[str, str]()
     while (left := (end - transport.steady()) * 1e-9) > 0.0:

@@ -197,7 +197,6 @@ def gravity(
 
 
 def _unseen(arm: "Jointed", model: "catenary.RobotModel", open_to: "Floats") -> list[str]:
-    """Return a note on torques that the recordings of an identified robot did not show, with their size."""
     sizes = [
         f"{name} by up to {size:.2g} {TORQUE_UNIT[unit]}"
         for name, unit, size in zip(arm.joint_names, arm.joint_units, open_to, strict=True)

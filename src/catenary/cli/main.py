@@ -196,7 +196,6 @@ def _run() -> None:
 
 
 def _fail(message: str, code: int, error: BaseException | None = None) -> NoReturn:
-    """End with an error's message and its notes, such as that a robot could not be paused."""
     said = "; ".join([message, *getattr(error, "__notes__", [])])
     with contextlib.suppress(OSError):  # a terminal that was closed
         print(f"catenary: {said[:_MAX_MESSAGE_LENGTH]}", file=sys.stderr)

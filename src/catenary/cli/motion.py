@@ -139,10 +139,7 @@ def teleop(
 
 
 def _say(summary: "MotionSummary", what: str, *, si: bool = False, asked: "Floats | None" = None) -> None:
-    """Print how a motion went, with `what` was done at its end; exit by the signal that ended it earlier, if any.
-
-    `si` shows rad and m, not deg and mm; the tip was to go to `asked` (3,) [m], if to any place.
-    """
+    """Print how a motion went (`si`: rad, m) towards the tip at `asked` (3,) [m]; exit by its signal, if any."""
     state = summary.state
     done = what if summary.ended_by is None else f"stopped by {summary.ended_by}; the robot holds here"
     homed = "" if state.is_homed else ", not homed"

@@ -189,7 +189,6 @@ def prints_tables(command: Command) -> Command:
 
 
 def _refuse_wrong(asked: Sequence[Option], values: Mapping[str, Any]) -> None:
-    """Refuse a value that is not among the choices, and an option without effect."""
     known = {one.name: one.typed for one in asked}
     given = [one for one in asked if values[one.name] != one.default]
     names = {one.name for one in given}
@@ -207,7 +206,6 @@ def _refuse_wrong(asked: Sequence[Option], values: Mapping[str, Any]) -> None:
 
 
 def _refuse_files(asked: Sequence[Option], values: Mapping[str, Any]) -> None:
-    """Refuse files to write that could not or should not be written."""
     written, read = {}, list[Path]()
     for one in asked:
         value = values[one.name]

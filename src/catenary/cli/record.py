@@ -109,7 +109,6 @@ def excite(
 
 
 def _write_refresh_motion(kind: "ProjectKind", out: Path) -> None:
-    """Write the minutes of full reversals of a kind of robot."""
     import numpy as np
 
     from catenary.plant import Joints
@@ -163,7 +162,6 @@ def record(
 
 
 def _record_others(project: "Project", access: projects.RobotAccess, hours: float | None, name: str) -> None:
-    """Record a robot that somebody else moves."""
     from catenary.crtk.network import make_transport, node_name
     from catenary.recording.journal import About
     from catenary.workflows.project.kinds import project_kind

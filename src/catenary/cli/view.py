@@ -93,7 +93,6 @@ _Titled = tuple[str, Any]  # of the page; what has `shown` and `run`
 
 
 def _on_ros(stack: ExitStack, robot: WatchedRobot, model: "CalibrationModel | None", gravity: str | None) -> _Titled:
-    """Return a robot on ROS, which is only read."""
     from catenary.view.replay import WatchedArm
     from catenary.view.shapes import shapes_of
 

@@ -117,8 +117,7 @@ def box_at(number: int, numbers: Sequence[float]) -> Shape:
     """Return a box as an obstacle.
 
     Args:
-        number: Of the box, for its name.
-        numbers: Centre x, y, z in the base frame and edge lengths along x, y, z [m].
+        number, numbers: For the box's name; centre x, y, z in the base frame and edge lengths along x, y, z [m].
     """
     if len(numbers) != 6 or not np.isfinite(numbers).all():
         raise InputError(
@@ -134,9 +133,6 @@ def mesh_at(path: Path, place: Sequence[float]) -> Shape:
 
     Args:
         place: Position x, y, z of its origin in the base frame [m]; its axes are those of the base.
-
-    Raises:
-        FileFormatError: There is no such file.
     """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such mesh")
@@ -300,7 +296,6 @@ class CollisionScene:
         return self._nearest(path, instants)
 
     def _nearest(self, path: JointPath, instants: int) -> Clearance:
-        """Return the smallest distance along a motion, at `_LOOK_COUNT` samples."""
         times = np.linspace(0.0, path.duration, _LOOK_COUNT + 1)
         placed = Configuration(self.model, path.sample(times)[0])
         known = self.lower_bounds(placed)
@@ -323,12 +318,8 @@ def scene_of(
     checked against obstacles.
 
     Args:
-        geometry: Shapes of its links.
         obstacles: Shapes in the base frame.
         ignored: Pairs of names that may touch.
-
-    Raises:
-        InputError: An unknown name, or no pair to check.
     """
     bodies = [body_of(shape) for shape in geometry.shapes]
     shaped = {body.link for body in bodies}

@@ -181,7 +181,6 @@ class CrtkClient(CrtkReader):
         return self._position(self._latest["setpoint_js"].message())
 
     def _missing(self) -> list[str]:
-        """Return the topics that lack messages or a listener, as text."""
         faults = super()._missing()
         for verb in ("servo_jp", "state_command"):
             topic = self._publishers[verb].topic
@@ -196,16 +195,10 @@ _BUTTON_PREFIX = "button: "  # start of that message on a topic
 
 
 def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]:
-    """Press a RAVEN-II's silver button.
+    """Press a RAVEN-II's silver button; return whether an arm starts, and the robot's message.
 
     Args:
         transport, timeout: Connection, and time to wait for the robot's answer [s].
-
-    Returns:
-        Whether an arm starts, and the robot's message.
-
-    Raises:
-        TransportError: Nobody listens to the button.
     """
     publisher = transport.publisher(BUTTON, SIGNAL)
     heard = transport.subscribe(f"{NAMESPACES['gold']}/{WARNING}", TEXT)

@@ -179,7 +179,6 @@ class Subscription:
         return count
 
     def __len__(self) -> int:
-        """Return the number of waiting messages."""
         return len(self._waiting)
 
     def close(self) -> None:

@@ -35,8 +35,7 @@ def header(stamp: int, frame_id: str = "") -> Message:
     """Return a message header; `seq` is counted by the publisher.
 
     Args:
-        stamp: Time [ns].
-        frame_id: Frame of the message's numbers.
+        stamp, frame_id: Time [ns], and frame of the message's numbers.
     """
     return message_class(HEADER)(0, stamp, frame_id)
 

@@ -57,14 +57,10 @@ class _Empty(NamedTuple):
 
 @cache
 def codec(name: str, encoding: Encoding = ROS1) -> Codec:
-    """Return the codec of a message type, or of a service's Request or Response.
+    """Return the codec of a message type, or a service's Request or Response; its InputError names the field.
 
     Args:
-        name: Type.
         encoding: Encoding of ROS 1, or CDR of ROS 2.
-
-    Returns:
-        The codec; it raises InputError for a field that does not fit, by name.
     """
     if current_name(name) != name:
         return codec(current_name(name), encoding)
@@ -136,7 +132,6 @@ def _joint_state_writer(encoding: Encoding) -> Callable[[Message], bytes]:
 
 
 def _misfit(name: str, message: Message, encoding: Encoding) -> str | None:
-    """Return the message about the first field that cannot be written, and why."""
     for field, value in message_fields(name, message):
         try:
             _writer(name, encoding)(message_class(name)(**{field.name: value}))
@@ -150,7 +145,6 @@ def _misfit(name: str, message: Message, encoding: Encoding) -> str | None:
 
 @cache
 def _preparation(name: str, encoding: Encoding) -> _Change:
-    """Return the conversion of a message's values to those that rosbags writes by name."""
     kind = message_class(name)
     changes = [(k, change) for k, field in enumerate(fields(name)) if (change := _prepared(field, encoding))]
     is_empty = encoding is CDR and not fields(name)

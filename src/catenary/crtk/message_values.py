@@ -53,7 +53,7 @@ def named_joints(message: Message, names: tuple[str, ...]) -> tuple[str, ...]:
 def joint_values(
     message: Message, names: tuple[str, ...], field: str = "position", *, rest: Floats | None = None
 ) -> Floats:
-    """Return the numbers of a sensor_msgs/JointState in the order of our joints.
+    """Return the numbers (n,) of a sensor_msgs/JointState in the order of our joints.
 
     Numbers go to the joints of their names, a RAVEN-II's own (gold_ins, of either arm) too; without names the first n
     count, in our order, as the RAVEN-II takes them.
@@ -62,12 +62,6 @@ def joint_values(
         message, names: The message, and our joints.
         field: "position", "velocity" or "effort".
         rest: Numbers of joints that are not named (n,); None refuses them.
-
-    Returns:
-        (n,).
-
-    Raises:
-        InputError: Unknown joints, or another number of them.
     """
     values = as_array(f"JointState.{field}", getattr(message, field), (None,))
     given = tuple(message.name)
@@ -127,8 +121,7 @@ def pose_message(pose: Pose, stamp: int, frame_id: str, *, child: str | None = N
 
     Args:
         pose, stamp: Pose, and time [ns].
-        frame_id: Frame that the pose is in.
-        child: Frame whose pose it is, for a TransformStamped.
+        frame_id, child: Frame that the pose is in; for a TransformStamped, frame whose pose it is.
     """
     quaternion = _Quaternion(*quaternion_of_rows(pose.rotation.tolist()))
     place = pose.position.tolist()

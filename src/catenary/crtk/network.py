@@ -113,7 +113,6 @@ class TransportKind:
     Args:
         name: As it is typed behind `--transport`, where `--ros` leaves a choice.
         ros: What it joins, as it is typed behind `--ros`; of several, the first is taken that can be.
-        words: What it is, in the words of the help.
         made_by: `module:class` of this room; the class takes a node's name and, for ROS 2, RosArguments.
         needs: Modules that must be there besides.
         advice: What to do where it cannot be imported; else the extra named `ros2` brings it.
@@ -137,13 +136,7 @@ class TransportKind:
         return is_told or not self.is_of_a_distribution
 
     def make(self, name: str, said: RosArguments = _NOTHING_SAID, **options: Any) -> "Transport":
-        """Join as node `name`; `options` are its class's own.
-
-        Raises:
-            MissingPackageError: It cannot be imported here.
-            InputError: `said` asks for another distribution than it is of.
-            UnsupportedSystemError: This is not Linux.
-        """
+        """Join as node `name`, `options` its class's own; refused without its packages, its distribution, or Linux."""
         if self.ros != "none":
             require_linux(f"ROS {self.ros}")
         if self.is_of_a_distribution and said.distro is not None:
@@ -184,11 +177,6 @@ def make_transport(ros: str, name: str) -> "Transport":
 
     Args:
         ros: "1", "2", as `said_ros_arguments` configure it, or "none": nothing beyond this program.
-        name: Name of the node.
-
-    Raises:
-        InputError: Another network.
-        TransportError: The network cannot be joined.
     """
     said = said_ros_arguments()
     if ros not in CARRIERS:
@@ -214,9 +202,6 @@ def node_name(program: str, given: str | None = None) -> str:
 
     Args:
         program, given: Program, for catenary_PROGRAM_PID; name given by the user, used instead.
-
-    Raises:
-        InputError: ROS cannot have the name.
     """
     if given is None:
         return f"catenary_{re.sub(r'[^A-Za-z0-9_]', '_', program)}_{os.getpid()}"

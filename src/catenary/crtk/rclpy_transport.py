@@ -46,7 +46,6 @@ _Origins = dict[bytes, Origin]  # by the number of a topic's end
 
 
 def _origins(listed: list[Any]) -> _Origins:
-    """Return whose the ends of a topic are that rclpy lists."""
     found = {}
     for one in listed:
         gid = bytes(one.endpoint_gid)
@@ -79,7 +78,6 @@ class _Publisher(Publisher):
         return not self.is_closed and bool(self._made.get_subscription_count())
 
     def look(self) -> None:
-        """Ask who listens."""
         with self._lock:
             listed = self._node.get_subscriptions_info_by_topic(self._made.topic_name) if self.is_heard() else []
             self._listeners = _names(_origins(listed))
@@ -132,7 +130,6 @@ class _ReadTopic(HeardTopic):
         return _names(self._publishers)
 
     def look(self) -> None:
-        """Ask who publishes, and listen to each."""
         now, listed = time.monotonic(), self._node.get_publishers_info_by_topic(self._name)
         listed = [one for one in listed if current_name(one.topic_type) == self.type_name]
         with self._lock:
@@ -159,7 +156,6 @@ class _ReadTopic(HeardTopic):
                 self._node.destroy_subscription(self._readers.popitem()[1])
 
     def take(self) -> None:
-        """Return new messages."""
         with self._lock:
             for reader in tuple(self._readers.values()):
                 while (came := reader.handle.take_message(self._kind, True)) is not None:

@@ -45,7 +45,6 @@ class RavenTelemetry:
     """Latest raven_state, both arms' channels, and what external encoders say."""
 
     def __init__(self, transport: Transport, arm: Arm) -> None:
-        """Start receiving."""
         self.latest = Latest(transport, RAVENSTATE.name, RAVENSTATE.type)
         self._throttled = Latest(transport, RAVENSTATE_100HZ.name, RAVENSTATE_100HZ.type)  # as in recordings
         self.encoders = Latest(transport, EXT_JPOS.name, EXT_JPOS.type)
@@ -324,7 +323,6 @@ class CrtkReader(NeverMoved):
             self.transport.sleep(0.01)
 
     def _missing(self) -> list[str]:
-        """Return the topics that lack messages, as text."""
         verbs = _READS if self._obeys else ("measured_js",) if self._state else ("measured_js", "operating_state")
         needed = [self._latest[verb] for verb in verbs]
         faults = [self._silence(latest) for latest in needed if latest.message() is None]
@@ -336,6 +334,5 @@ class CrtkReader(NeverMoved):
         return faults
 
     def _silence(self, latest: Latest) -> str:
-        """Say who is expected to send on a topic of which nothing came."""
         senders = ", ".join(self.transport.connections(latest.topic).publishers)
         return f"{latest.topic}: {senders + ' sends nothing' if senders else 'nobody publishes it'}"

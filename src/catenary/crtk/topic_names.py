@@ -200,15 +200,7 @@ def calibrated_namespace(arm: Arm, namespace: str | None = None) -> str:
 
 
 def raven_dialect_topics(arm: str | None, namespace: str | None = None) -> tuple[CrtkTopic, ...]:
-    """Return an arm's topics as the RAVEN-II's software has them.
-
-    Args:
-        arm: Side; the topics of the whole robot when None.
-        namespace: Must be None: these topics are fixed.
-
-    Raises:
-        InputError: A namespace is given.
-    """
+    """Return an arm's topics as the RAVEN-II's software has them, the robot's when None; a namespace is refused."""
     if namespace is not None:
         raise InputError(
             f'namespace "{namespace}": the dialect raven has none, its topics are fixed (/arm1 gold, /arm2 green); '
@@ -250,13 +242,8 @@ def find_topic(dialect: str, verb: str, arm: Arm | None = None, namespace: str |
     """Return the topic of a verb.
 
     Args:
-        dialect: CRTK dialect.
         verb: The verb; the gripper's begin with `jaw/` or `grasp_`.
         arm: Side of a RAVEN-II; the robot when None.
-        namespace: The arm's namespace.
-
-    Raises:
-        InputError: The dialect has no such verb.
     """
     listed: tuple[CrtkTopic, ...] = dialect_named(dialect).topics(arm, namespace)
     found = next((topic for topic in listed if topic.verb == verb), None)
@@ -273,7 +260,6 @@ def topic_name(dialect: str, verb: str, arm: Arm | None = None) -> str:
     """Return the name of the topic of a verb; see `find_topic`.
 
     Args:
-        dialect, verb: CRTK dialect, and verb.
         arm: Side of a RAVEN-II; the robot when None.
     """
     return find_topic(dialect, verb, arm).name

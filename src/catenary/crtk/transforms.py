@@ -61,11 +61,7 @@ def recorded_pose(path: Path, base: str, frame: str) -> Pose:
     """Return the pose of a frame in a base by the transforms of a recording.
 
     Args:
-        path: The recording.
         base, frame: Names of the frames.
-
-    Raises:
-        InputError: No transform connects them.
     """
     source, tree = open_recording(path), TransformTree()
     there = [topic for topic in _TOPICS if topic in source.counts]
@@ -77,14 +73,10 @@ def recorded_pose(path: Path, base: str, frame: str) -> Pose:
 
 
 def heard_pose(transport: Transport, base: str, frame: str) -> Pose:
-    """Return the pose of a frame in a base by published transforms.
+    """Return the pose of a frame in a base by transforms published within three seconds; else TransportError.
 
     Args:
-        transport: Connection.
         base, frame: Names of the frames.
-
-    Raises:
-        TransportError: They are not known within three seconds.
     """
     tree, subscriptions = TransformTree(), [transport.subscribe(topic, _TYPE) for topic in _TOPICS]
     end = transport.steady() + _WAIT_S * SECOND

@@ -152,9 +152,6 @@ class SerialAccelerometer(SerialBoard):
     Args:
         port: Serial port, such as /dev/ttyUSB0.
         clock: Clock of the stamps [s], the same as that of JointState.time.
-
-    Raises:
-        SensorError: The port cannot be opened.
     """
 
     def __init__(self, port: str, mailbox: Mailbox, *, clock: Callable[[], float] = time.monotonic) -> None:

@@ -269,16 +269,7 @@ class EncoderBoard(SerialBoard):
     def __init__(
         self, port: str, rig: EncoderRig | None = None, *, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """Open the port and start reading.
-
-        Args:
-            port: Serial port, such as /dev/ttyACM0.
-            rig: Encoders; the calibration rig when None.
-            clock: Monotonic clock of the samples [s].
-
-        Raises:
-            SensorError: The port cannot be opened.
-        """
+        """Open the port and start reading, the calibration rig when None; `clock` stamps the samples [s]."""
         self.rig = EncoderRig() if rig is None else rig
         self.tally = EncoderTally()
         self.complaint = ""

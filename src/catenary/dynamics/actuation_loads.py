@@ -54,12 +54,7 @@ def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) ->
     """Return Coulomb and viscous friction of every joint, as loads of the dynamics.
 
     Args:
-        model: The robot.
-        coulomb: Coulomb friction [Nm or N], one number or (n,).
-        viscous: Viscous friction [Nms/rad or Ns/m], one number or (n,).
-
-    Raises:
-        InputError: A negative number, or another shape.
+        coulomb, viscous: Friction [Nm|N] and [Nms/rad|Ns/m], one number or (n,) each.
     """
     values = np.empty((model.n, 2))
     for column, (name, given) in enumerate((("friction", coulomb), ("viscous", viscous))):
@@ -104,20 +99,15 @@ def actuation_columns(
 def term_load(
     term: ActuationTerm, q: Floats, qd: Floats, qdd: Floats, coulomb_velocity: float, carried: Floats | None = None
 ) -> Floats:
-    """Return the load of one actuation term along its coordinate s = c . q, per unit of its parameter.
+    """Return the load f(s) (N,) of one actuation term along its coordinate s = c . q, per unit of its parameter.
 
     Friction is that of steady sliding.
 
     Args:
         term: The term, with its combination c.
-        q: Positions (N, n) [rad or m].
-        qd: Velocities (N, n).
-        qdd: Accelerations (N, n).
+        q, qd, qdd: Positions [rad or m], velocities and accelerations, (N, n) each.
         coulomb_velocity: Velocity at which Coulomb friction is fully developed.
         carried: Torques that the drive carries, (N, n), for friction that grows with them; none when None.
-
-    Returns:
-        Loads f(s), (N,).
     """
     c = term.combination
     along = 0.0 if carried is None else carried @ c
@@ -147,14 +137,10 @@ def lever_load(lever: LeverSpring, s: Any, f: Any = np) -> Any:
 
 
 def known_torque(actuation: Actuation, q: Floats) -> Floats:
-    """Return the torques of a robot's known springs, cables and balances.
+    """Return the torques (N, n) [Nm or N] of a robot's known springs, cables and balances.
 
     Args:
-        actuation: What loads the robot's joints.
         q: Positions (N, n) [rad or m].
-
-    Returns:
-        Torques (N, n) [Nm or N].
     """
     out = np.zeros(q.shape)
     for term in actuation.known_torques:

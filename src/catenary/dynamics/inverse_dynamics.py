@@ -63,7 +63,7 @@ def inverse_dynamics(
     *,
     loads: ActuationLoads | None = None,
 ) -> Floats:
-    """Return the torques of a motion: M(q) qdd + C(q, qd) qd + g(q), on a base that may itself move.
+    """Return the torques (n,) or (N, n) [Nm|N] of M(q) qdd + C(q, qd) qd + g(q), on a base that may itself move.
 
     Recursive Newton-Euler (Luh, Walker, Paul 1980). A moving base loads the joints with
     gravity - a_base - alpha x r - omega x (omega x r) in place of gravity, and with the moments that turn
@@ -76,9 +76,6 @@ def inverse_dynamics(
         gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
         base: Motion of the base, one for all rows or one a row; at rest when None.
         loads: Friction, rotors, springs and known torques to add: `known_loads(model)`; none when None.
-
-    Returns:
-        Torques (n,) or (N, n) [Nm or N].
 
     Raises:
         InputError: Another shape, or not finite.
@@ -104,7 +101,8 @@ def inverse_dynamics(
 
 
 def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
-    """Return the Coriolis matrix of Christoffel's symbols: M_dot - 2 C is skew and C(q, a) b = C(q, b) a.
+    """Return the Coriolis matrix C, (n, n) or (N, n, n), of Christoffel's symbols; C qd are the velocities' torques.
+    M_dot - 2 C is skew, and C(q, a) b = C(q, b) a.
 
     The velocity terms h(v) = C(q, v) v of the inverse dynamics are a quadratic form, and C(q, a) b the symmetric
     bilinear form that belongs to it: column j is C(q, qd) e_j = (h(qd + s e_j) - h(qd - s e_j)) / (4 s), exactly and
@@ -114,9 +112,6 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
         model: The robot; needs inertia.
         q: Positions (n,) or (N, n) [rad or m].
         qd: Velocities, as `q`.
-
-    Returns:
-        (n, n) or (N, n, n); C qd are the torques of the velocities.
 
     Examples:
         >>> catenary.coriolis_matrix(catenary.load_robot("two_link"), [0.3, 0.5], [1.0, -1.0]).round(4)
@@ -142,16 +137,13 @@ def coriolis_matrix(model: RobotModel, q: ArrayLike, qd: ArrayLike) -> Floats:
 
 
 def mass_matrix(model: RobotModel, q: ArrayLike) -> Floats:
-    """Return the mass matrix, of the kinetic energy qd^T M qd / 2, without the motors' inertia.
+    """Return the mass matrix (n, n) or (N, n, n) [kg m2|kg m|kg]: kinetic energy qd^T M qd / 2, motors excluded.
 
     Composite rigid bodies (Walker, Orin 1982).
 
     Args:
         model: The robot; needs inertia.
         q: Positions (n,) or (N, n) [rad or m].
-
-    Returns:
-        Symmetric (n, n) or (N, n, n) [kg m2, kg m or kg].
 
     Raises:
         InputError: Another shape, or not finite.
@@ -175,7 +167,6 @@ def warn_of_motion(model: RobotModel, q: Floats, gravity: Floats) -> None:
     """Warn of gravity that points up or is too large, and of joints far beyond their limits.
 
     Args:
-        model: The robot.
         q: Positions (N, n) [rad or m].
         gravity: Gravity (1 or N, 3) [m/s2].
     """
@@ -190,18 +181,11 @@ def warn_of_motion(model: RobotModel, q: Floats, gravity: Floats) -> None:
 
 
 def gravity_rows(vectors: ArrayLike, count: int, name: str = "gravity") -> Floats:
-    """Return gravity, or another vector, as one row for all configurations or one for each.
+    """Return gravity, or another vector, as one row (1, 3) for all configurations or one for each (N, 3).
 
     Args:
-        vectors: (3,) or (N, 3).
-        count: Number of configurations N.
+        vectors, count: (3,) or (N, 3); number of configurations N.
         name: The quantity, which opens every message.
-
-    Returns:
-        (1, 3) or (N, 3).
-
-    Raises:
-        InputError: Another shape, or not finite.
     """
     rows, single = as_batch(name, vectors, 3)
     if not single and len(rows) != count:
@@ -224,18 +208,11 @@ def base_rows(base: BaseMotion | None, count: int) -> list[Floats]:
 
 
 def motion_rows(model: RobotModel, q: ArrayLike, **rates: ArrayLike | None) -> tuple[list[Floats], bool]:
-    """Return a motion's positions and rates as batches of rows.
+    """Return a motion's positions and rates as batches (N, n), and whether `q` was a single row.
 
     Args:
-        model: The robot.
         q: Positions (n,) or (N, n) [rad or m].
         **rates: Velocities and accelerations by name, as `q`; zero where None.
-
-    Returns:
-        The arrays (N, n), positions first, and whether `q` was a single row.
-
-    Raises:
-        InputError: Another shape, or not finite.
     """
     rows, single = as_batch("q", q, model.n)
     shape = (model.n,) if single else rows.shape
@@ -318,7 +295,7 @@ def forward_dynamics(
     *,
     loads: ActuationLoads | None = None,
 ) -> Floats:
-    """Return the accelerations by torques: M(q) qdd = tau - C(q, qd) qd - g(q).
+    """Return the accelerations (n,) or (N, n) [rad/s2|m/s2] by torques: M(q) qdd = tau - C(q, qd) qd - g(q).
 
     With `loads`, friction, rotors, springs and known torques take part as in `inverse_dynamics`: friction as in
     sliding, and none at rest where it has the sign of the speed, so that no joint sticks. Friction that grows with the
@@ -331,9 +308,6 @@ def forward_dynamics(
         tau: Torques, as `q` [Nm or N].
         gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
         base, loads: Motion of the base, and `known_loads(model)`; None for a base at rest and for no loads.
-
-    Returns:
-        (n,) or (N, n) [rad/s2 or m/s2].
 
     Raises:
         MissingInertiaError: Links without inertia.

@@ -124,7 +124,6 @@ def nearest_coordinates(
     kinematics T. Sugihara, IEEE Trans. Robotics 27 (2011)]
 
     Args:
-        model: The robot.
         pose: Target pose in the base frame.
         q_start: Start of the search (n,) [rad or m].
         frame: Frame to place; the tip when None.

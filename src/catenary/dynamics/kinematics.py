@@ -17,7 +17,6 @@ class Configuration:
     """A robot at q, (n,) or (N, n): its links are placed once, for poses and Jacobians of any of its frames."""
 
     def __init__(self, model: RobotModel, q: ArrayLike) -> None:
-        """Place the links at coordinates q [rad or m]."""
         rows, self._single = as_batch("q", q, model.n)
         if np.vdot(rows, rows) > _MOST_Q**2:
             check_within("q", rows, _MOST_Q, "rad or m")
@@ -68,7 +67,6 @@ def link_poses(model: RobotModel, q: ArrayLike) -> tuple[Floats, Floats]:
     """Return the poses of all moving links in the base frame.
 
     Args:
-        model: The robot.
         q: Positions (n,) or (N, n) [rad or m].
 
     Returns:
@@ -84,7 +82,6 @@ def relative_pose(model: RobotModel, q: ArrayLike, frame: str, in_frame: str) ->
     """Return the pose of one frame in another, T_in_frame_frame.
 
     Args:
-        model: The robot.
         q: One configuration (n,) [rad or m].
         frame, in_frame: Frame whose pose is returned, and the frame in which it is expressed.
     """
@@ -93,7 +90,7 @@ def relative_pose(model: RobotModel, q: ArrayLike, frame: str, in_frame: str) ->
 
 
 def jacobian(model: RobotModel, q: ArrayLike, frame: str | None = None, point: ArrayLike | None = None) -> Floats:
-    """Return the Jacobian of a point fixed in a frame, in base axes.
+    """Return the Jacobian, (6, n) or (N, 6, n), of a point fixed in a frame, in base axes.
 
     (velocity of the point; angular velocity of the frame) = J qd. A revolute joint with axis z through o gives the
     column (z x (p - o); z), a prismatic one (z; 0); joints that do not carry the frame give zeros.
@@ -102,9 +99,6 @@ def jacobian(model: RobotModel, q: ArrayLike, frame: str | None = None, point: A
         model: The robot.
         q, frame: Positions (n,) or (N, n) [rad or m], and name of the frame; the tip if None.
         point: Point in the frame's axes (3,) [m]; its origin when None.
-
-    Returns:
-        (6, n) or (N, 6, n).
 
     Examples:
         >>> catenary.jacobian(catenary.load_robot("two_link"), [0.3, 0.5]).round(3)

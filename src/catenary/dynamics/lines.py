@@ -274,7 +274,6 @@ def _to_tree(coupling: Floats, rates: Terms | Floats) -> Terms:
 
 
 def _to_robot(coupling: Floats, tree_values: Terms) -> list[Term]:
-    """Return coupling.T @ tree_values."""
     return [
         sum_of_terms(tree_values[i] * float(coupling[i, k]) for i in range(len(coupling)) if coupling[i, k] != 0.0)
         for k in range(coupling.shape[1])
@@ -331,7 +330,6 @@ def drives_line(loads: ActuationLoads) -> Line:
 
 
 def _with_loads(p: Placed, loads: ActuationLoads, qd: Terms, qdd: Rates, links: list[Term]) -> list[Term]:
-    """Return the torques of links with what friction, rotors, springs and known torques ask besides."""
     carried = [a + b for a, b in zip(links, _drive_terms(p.trace, loads, p.q, qdd), strict=True)]
     return [a + b for a, b in zip(carried, _friction_terms(p.trace, loads, qd, carried), strict=True)]
 

@@ -162,21 +162,18 @@ def _into_frame_3(arm: RavenArm, theta_1: float, theta_2: float, v: Vector) -> V
 
 @inlined
 def _about_x(angle: float, v: Vector) -> Vector:
-    """Turn a vector about x."""
     c, s = math.cos(angle), math.sin(angle)
     return v[0], c * v[1] - s * v[2], s * v[1] + c * v[2]
 
 
 @inlined
 def _about_z(angle: float, v: Vector) -> Vector:
-    """Turn a vector about z."""
     c, s = math.cos(angle), math.sin(angle)
     return c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
 
 
 @inlined
-def _wrapped(angle: float) -> float:
-    """Return an angle in (-pi, pi]."""
+def _wrapped(angle: float) -> float:  # in (-pi, pi]
     return math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 
@@ -186,7 +183,7 @@ _METRE_IN_RADIANS = 100.0  # the robot's software weighs insertion so when it co
 def raven_path(
     model: RobotModel, rotations: ArrayLike, positions: ArrayLike, q_start: ArrayLike | None = None
 ) -> Floats:
-    """Return joint configurations along a path of poses, each within the limits and nearest to the one before.
+    """Return joint configurations (N, n) [rad|m] along poses, each within limits and nearest to the one before.
 
     Distance is in rad, a metre of insertion counting as 100 rad, as in the robot's software; unlike it, a
     distant solution is not refused.
@@ -197,11 +194,7 @@ def raven_path(
         positions: Positions of the tip in the base frame (N, 3) [m].
         q_start: Configuration before the first pose (n,) [rad or m]; the middle of the limits when None.
 
-    Returns:
-        Configurations (N, n) [rad or m].
-
     Raises:
-        InputError: Another shape, or no rotation matrix.
         UnreachablePoseError: A pose without a solution within the limits.
     """
     arm, frame_0 = _arm(model), model.frame("frame0").pose
@@ -249,7 +242,6 @@ def _arm(model: RobotModel) -> RavenArm:
 
 
 def _refusal(model: RobotModel, arm: RavenArm, solutions: Floats, distance: float, near: Floats) -> str:
-    """Return the message that says what refuses a pose with some configurations and a wrist so far from the RCM."""
     if distance <= _REFUSED_RADIUS_M:
         return (
             f'robot "{model.name}": the wrist would lie {1e3 * distance:.2f} mm from the remote centre; '

@@ -134,7 +134,6 @@ def place_joints(tree: Tree, x: Numbers, sine: Numbers, cosine: Numbers, rotatio
     along its axis.
 
     Args:
-        tree: The robot's tree.
         x: Coordinates (n,), read of prismatic joints [m].
         sine, cosine: Sines and cosines of the angles (n,), read of revolute joints.
         rotation, position: R_parent_i (n, 3, 3), and origins in the parent (n, 3) [m], written.
@@ -223,11 +222,9 @@ def gravity_recursion(
     with each carried link counted once instead of once per joint.
 
     Args:
-        tree: The robot's tree.
         rotation, position: R_parent_i (n, 3, 3), and origins in the parent (n, 3) [m].
         gravity: Free-fall acceleration in base axes [m/s2].
-        mass: Mass that each joint carries (n,) [kg], written.
-        moment: Its first moment in frame i (n, 3) [kg m], written.
+        mass, moment: Mass that each joint carries (n,) [kg], its first moment in frame i (n, 3) [kg m], written.
         link_gravity: Gravity in each link's axes (n + 1, 3), written; the base's last.
         torque: Torques of the tree's joints (n,) [Nm or N], written.
     """
@@ -299,7 +296,6 @@ def newton_euler_recursion(
     an upward acceleration: acceleration[n] = a_base - gravity.
 
     Args:
-        tree: The robot's tree.
         rotation, position: R_parent_i (n, 3, 3), and origins in the parent (n, 3) [m].
         xd, xdd: Velocities and accelerations of the tree's coordinates (n,).
         omega: Angular velocities in each link's axes (n + 1, 3) [rad/s], written but for the last row.
@@ -348,10 +344,8 @@ def composite_body_recursion(
     whose parts along joint i and the joints before it are a column of the matrix.
 
     Args:
-        tree: The robot's tree.
         rotation, position: R_parent_i (n, 3, 3), and origins in the parent (n, 3) [m].
-        mass: Mass that each joint carries (n,) [kg], written.
-        moment: Its first moment (n, 3) [kg m], written.
+        mass, moment: Mass that each joint carries (n,) [kg], and its first moment (n, 3) [kg m], written.
         inertia: Its inertia about the frame's origin (n, 3, 3) [kg m2], written.
         matrix: Mass matrix of the tree's coordinates (n, n), written.
     """
@@ -428,13 +422,10 @@ def place_tree(
     """Compute the pose of every link in its parent, at a robot's coordinates.
 
     Args:
-        tree: The robot's tree.
-        coupling: Tree coordinates per robot coordinate (n_tree, n).
-        offset: Tree coordinates at zero (n_tree,).
+        coupling, offset: Tree coordinates per robot coordinate (n_tree, n), and at zero (n_tree,).
         q: Coordinates (n,) [rad or m].
         work: Scratch (3, n_tree).
-        rotation: R_parent_i (n_tree, 3, 3), written.
-        position: Origins in the parent (n_tree, 3) [m], written.
+        rotation, position: R_parent_i (n_tree, 3, 3), and origins in the parent (n_tree, 3) [m], written.
     """
     x, sine, cosine = work[0], work[1], work[2]
     to_tree(coupling, q, x)

@@ -70,14 +70,10 @@ def mass_matrix_kernel(model: RobotModel) -> Kernel:
 
 
 def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Kernel:
-    """Return the compiled forward kinematics of a frame.
+    """Return compiled forward kinematics of a frame: `kernel(q)`, q (n,) [rad|m], is (R_base_frame, origin [m]) (3, 4).
 
     Args:
-        model: The robot.
         frame: Name of the frame; the tip when None.
-
-    Returns:
-        `kernel(q)`, of q (n,) [rad|m]: rows of (R_base_frame, origin [m]), (3, 4).
     """
     name = model.tip if frame is None else frame
     return known_kernel(model, f"pose-{name}", lambda m: lines.forward_kinematics_line(m, name), (3, 4)).ready()
@@ -130,7 +126,6 @@ def known_kernel(model: RobotModel, name: str, trace: Trace, shape: tuple[int, .
     Args:
         model: The robot, which keeps its kernels.
         name: Name of the quantity, unique for the robot.
-        trace: Traces the quantity of a model.
         shape: Shape of one configuration's result.
     """
     kernel = model.kernels.get(name)

@@ -75,14 +75,10 @@ def link_parameters(tree: Tree) -> Floats:
 
 
 def tree_with_parameters(tree: Tree, phi: ArrayLike) -> Tree:
-    """Return a tree with given inertial parameters: the inverse of `link_parameters`.
+    """Return a tree with given inertial parameters, the inverse of `link_parameters`; impossible bodies are refused.
 
     Args:
-        tree: The robot's tree.
         phi: Parameters of all links (10 n_tree,), as `PARAMETER_NAMES`.
-
-    Raises:
-        InputError: Another shape, or a mass that no body with these moments has.
     """
     values = as_array("phi", phi, (PER_LINK * len(tree.parent),)).reshape(-1, PER_LINK)
     com, inertia = np.zeros((len(values), 3)), np.zeros((len(values), 3, 3))

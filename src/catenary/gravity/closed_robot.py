@@ -39,7 +39,6 @@ class ClosedRobot:
     """
 
     def __init__(self, model: RobotModel) -> None:
-        """Take a robot whose loops are open."""
         if model.loops is None:
             raise InputError(f'robot "{model.name}": has no loop to close; catenary.load_robot loads it')
         self._chain = LoopChain(model)

@@ -128,7 +128,6 @@ def carried_masses(model: RobotModel, joint: int) -> tuple[int, ...]:
 
 
 def _has_mass(model: RobotModel, link: int) -> bool:
-    """Return True if a link may have mass: all but those declared massless."""
     return model.link_names[link] not in model.massless
 
 
@@ -303,7 +302,6 @@ class CompactRegressor(OnScreen):
         return "\n".join(lines)
 
     def _of(self, column: int) -> list[int]:
-        """Return the columns that are merged into one."""
         return [k for k, target in enumerate(self.targets) if target == column]
 
     def _terms(self, gravity: Floats) -> list[list[Written]]:
@@ -434,7 +432,7 @@ def _require_same_structure(made_of: RobotModel, robot: RobotModel) -> None:
 
 
 def gravity_latex(model: RobotModel, gravity: ArrayLike = LEVEL) -> str:
-    """Return the gravity torques of every joint as LaTeX: g_{1} = 4.2 c_{1} - 0.5 s_{12}, with c_{12} = cos(q_1 + q_2).
+    """Return all joints' gravity torques [Nm|N] as LaTeX: g_{1} = 4.2 c_{1} - 0.5 s_{12}, c_{12} = cos(q_1 + q_2).
 
     Sums are written out; where an arm's twists make them too long, in terms that are defined once on the lines before.
     Numbers have six digits; turns within 1e-6 rad of quarter turns are taken as such.
@@ -442,9 +440,6 @@ def gravity_latex(model: RobotModel, gravity: ArrayLike = LEVEL) -> str:
     Args:
         model: The robot; needs masses.
         gravity: Free-fall acceleration in base axes (3,) [m/s2].
-
-    Returns:
-        Formulas in Nm and N, of joints in rad and m.
     """
     model.require_masses()
     regressor = compact_regressor(model)

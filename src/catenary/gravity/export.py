@@ -99,7 +99,6 @@ def export_function(
 def _traced(
     model: RobotModel, quantity: ExportedQuantity, frame: str | None, loads: ActuationLoads | None
 ) -> tuple[Line, tuple[int, ...], str]:
-    """Return a quantity as a line, its shape, and the name of the output."""
     n, links = model.n, len(model.link_names)
     if quantity == "compact_regressor":
         regressor = compact_regressor(model)

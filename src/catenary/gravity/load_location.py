@@ -140,14 +140,10 @@ def _body(information: Floats, score: Floats) -> tuple[Floats, Floats]:
 
 
 def mixed(shares: Floats, means: Floats, covariances: Floats) -> tuple[Floats, Floats]:
-    """Return the mean and covariance of a mixture of Gaussians.
+    """Return the mean (k,) and covariance (k, k) of a mixture of Gaussians.
 
     Args:
-        shares: Shares of the components (N,), of sum one.
-        means, covariances: Of the components (N, k), (N, k, k).
-
-    Returns:
-        (k,) and (k, k).
+        shares, means, covariances: Of the components (N,), of sum one; (N, k), (N, k, k).
     """
     mean: Floats = shares @ means
     spread = means - mean
@@ -171,13 +167,10 @@ def load_of_any_size(u: Floats, covariance: Floats) -> tuple[float, Floats, Floa
 
 
 def log_evidence(information: Floats, score: Floats) -> Floats:
-    """Return the log Bayes factor log p(y | load) - log p(y | no load) of loads with a standard normal prior.
+    """Return the log Bayes factors log p(y | load) - log p(y | no load) (N,) of loads with a standard normal prior.
 
     Args:
         information, score: Information matrices J (N, k, k), and score vectors b (N, k).
-
-    Returns:
-        (N,).
     """
     whole = np.eye(score.shape[1]) + information
     _, log_determinant = np.linalg.slogdet(whole)
@@ -210,17 +203,13 @@ def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
 def telling_joint(
     regressor: CompactRegressor, loads: Sequence[tuple[str, Floats]], q: Floats, gravity: Floats, noise: Floats
 ) -> str | None:
-    """Return the joint whose motion best separates two loads, or a load from a constant torque.
+    """Return the joint whose motion best separates two loads, or a load from a constant torque; None if none does.
 
     Args:
-        regressor: Compact regressor of the robot.
         loads: One or two loads: a frame, with mass and first moment (4,) [kg, kg m].
-        q: Configuration (n,) from whiche joint at a time moves within its limits [rad or m].
+        q: Configuration (n,) from which one joint at a time moves within its limits [rad or m].
         gravity: Free-fall acceleration in base axes (3,) [m/s2].
         noise: Standard deviation of the torques (n,) [Nm|N].
-
-    Returns:
-        Name of the joint, or None if the motion of no joint separates them.
     """
     model = regressor.model
     first, *others = (load_directions(regressor, frame) @ load for frame, load in loads)

@@ -56,7 +56,7 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
 
 
 def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
-    """Return the torques to add where firmware compensates for a level base only: g(q, gravity) - g(q, level).
+    """Return the torques (n,) or (N, n) to add to firmware for a level base: g(q, gravity) - g(q, level) [Nm|N].
 
     g is linear in gravity, so this is g(q, gravity - level), exactly zero on a level base.
 
@@ -64,9 +64,6 @@ def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
         model: The robot as the firmware knows it, with the payloads that it was given; needs masses.
         q: Positions (n,) or (N, n) [rad or m].
         gravity: Measured gravity in base axes, (3,) or (N, 3) [m/s2].
-
-    Returns:
-        (n,) or (N, n) [Nm or N].
     """
     model.require_masses()
     rows, single = as_batch("q", q, model.n)
@@ -75,15 +72,12 @@ def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
 
 
 def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
-    """Return the potential energy of the links, U = -sum_k m_k gravity . r_k: zero with all mass in the base's origin.
+    """Return the links' potential energy () or (N,) [J]: U = -sum_k m_k gravity . r_k, 0 at the base's origin.
 
     Args:
         model: The robot; needs inertia.
         q: Positions (n,) or (N, n) [rad or m].
         gravity: Free-fall acceleration in base axes, down, (3,) or (N, 3) [m/s2].
-
-    Returns:
-        () or (N,) [J].
 
     Examples:
         >>> arm = catenary.load_robot("two_link")
@@ -100,16 +94,13 @@ def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Flo
 
 
 def center_of_mass(model: RobotModel, q: ArrayLike) -> Floats:
-    """Return the centre of mass of all moving links, p_com = sum m_i p_i / M.
+    """Return the centre of mass (3,) or (N, 3) of all moving links in the base frame [m], p_com = sum m_i p_i / M.
 
     [gravity-regressor paper, section II] Links fixed to the base do not count.
 
     Args:
         model: The robot; needs masses.
         q: Positions (n,) or (N, n) [rad or m].
-
-    Returns:
-        (3,) or (N, 3) in the base frame [m].
 
     Examples:
         >>> arm = catenary.load_robot("panda")
@@ -123,7 +114,7 @@ def center_of_mass(model: RobotModel, q: ArrayLike) -> Floats:
 
 
 def center_of_mass_jacobian(model: RobotModel, q: ArrayLike) -> Floats:
-    """Return the Jacobian of the centre of mass, J_com qd = its velocity in base axes.
+    """Return the Jacobian of the centre of mass, (3, n) or (N, 3, n) [m/rad|1]: J_com qd is its velocity in base axes.
 
     Gravity acts on a robot as on one mass at its centre of mass, g(q) = -M J_com^T gravity [gravity-regressor paper,
     section II]: row r of J_com is what a unit of gravity along axis r asks of the joints, over -M.
@@ -131,9 +122,6 @@ def center_of_mass_jacobian(model: RobotModel, q: ArrayLike) -> Floats:
     Args:
         model: The robot; needs masses.
         q: Positions (n,) or (N, n) [rad or m].
-
-    Returns:
-        (3, n) or (N, 3, n) [m/rad or 1].
 
     Examples:
         >>> arm = catenary.load_robot("two_link")
@@ -156,8 +144,7 @@ def _total_mass(model: RobotModel) -> float:
     return mass
 
 
-def _first_moments(model: RobotModel, rows: Floats) -> Floats:
-    """Return the first moment of all moving links about the base's origin (N, 3) [kg m]."""
+def _first_moments(model: RobotModel, rows: Floats) -> Floats:  # (N, 3) [kg m] about the base's origin
     rotation, position = link_poses(model, rows)
     centers = position + np.einsum("Nkab,kb->Nka", rotation, model.tree.com)
     return np.einsum("k,Nka->Na", model.tree.mass, centers)
@@ -188,7 +175,6 @@ def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
     vertical axis. The bound is zero where nothing is unseen, and under the gravity of the identification.
 
     Args:
-        model: The robot.
         q: Configuration (n,) [rad or m].
         gravity: Free-fall acceleration in base axes (3,) [m/s2].
 

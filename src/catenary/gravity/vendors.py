@@ -57,17 +57,13 @@ def vendor_of(name: str) -> Vendor:
 
 
 def in_controller_base(name: str, base: RobotModel | str, gravity: ArrayLike) -> Floats:
-    """Return gravity in the axes of a vendor's own base frame.
+    """Return gravity in a vendor's own base frame; InputError for a base whose relation to it is unknown.
 
     A Universal Robot's controller uses the frame `base`, half a turn from the `base_link` of its description.
 
     Args:
-        name: Vendor.
         base: Robot whose base frame gravity is in, or the name of that frame.
         gravity: Gravity (3,) [m/s2].
-
-    Raises:
-        InputError: A frame whose relation to the controller's is unknown.
     """
     vector = as_array("gravity", gravity, (3,))
     if isinstance(base, str):
@@ -85,11 +81,7 @@ def vendor_command(name: str, gravity: ArrayLike) -> str:
     """Return the command that sets gravity in a vendor's controller; empty if there is none.
 
     Args:
-        name: Vendor.
-        gravity: Gravity in the controller's base frame (3,) [m/s2].
-
-    Raises:
-        InputError: Of length zero, or above any that a controller takes.
+        gravity: Gravity in the controller's base frame (3,) [m/s2]; not zero, nor above what it takes.
     """
     vendor, vector = vendor_of(name), as_array("gravity", gravity, (3,))
     if not 0.0 < float(np.linalg.norm(vector)) <= _MAX_GRAVITY:

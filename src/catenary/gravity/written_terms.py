@@ -215,7 +215,6 @@ class WrittenTerms:
         return Turn(first, (*joints, (link, sign)), whole, after)
 
     def _named(self, name: str, vector: SymbolicVector) -> SymbolicVector:
-        """Give each part of a vector that has several terms a name."""
         parts: list[Written] = []
         for letter, terms in zip("xyz", vector, strict=True):
             if terms is not None and len(terms) > 1:

@@ -144,9 +144,6 @@ def gravity_base_parameters(model: RobotModel, gravity: ArrayLike | None = LEVEL
     Args:
         model: The robot; needs no inertia.
         gravity: Gravity in base axes (3,) [m/s2]; any direction when None.
-
-    Raises:
-        InputError: Gravity is zero.
     """
     parameters = Parameters(model, "static", actuated=False)
     rng = np.random.default_rng(0)
@@ -237,7 +234,6 @@ def _outwards(parameters: Parameters) -> list[int]:
 
 
 def _identifiable(combination: Floats, parameter: int) -> Identifiability:
-    """Return True if a parameter alone is in the span of the combinations."""
     if not combination[:, parameter].any():
         return "none"
     # a row that is this parameter and no other

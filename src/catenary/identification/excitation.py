@@ -245,9 +245,6 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
     Args:
         limits: Robot, its limits and its free space.
         count, rng: Number of poses, and source of randomness.
-
-    Raises:
-        InputError: Too few poses for the number of base parameters.
     """
     model, room, g = limits.model, limits.room, limits.gravity
     base = shown_parameters(model, "static", room, g, rng)
@@ -329,11 +326,9 @@ class _Draw:
 
     @staticmethod
     def anywhere(n: int, harmonics: int, rng: np.random.Generator) -> "_Draw":
-        """Return a draw that has nothing to do with those before it."""
         return _Draw(rng.normal(size=(2, harmonics, n)), rng.uniform(0.6, 1.0, n), np.full(n, 0.5))
 
     def moved(self, step: float, rng: np.random.Generator) -> "_Draw":
-        """Return a draw near this one."""
         n = len(self.share)
         # of one joint, or several, or all: where something is near, few can move at a time
         moved = step * (rng.permutation(n) < rng.integers(1, n + 1))
@@ -395,10 +390,6 @@ def fourier_motion(
         rng: Source of randomness.
         period, rate: Period [s], and rows per second [Hz].
         harmonics, trials: Number of harmonics, three or more, and of trials.
-
-    Raises:
-        InputError: A number out of range.
-        LimitError: No trial keeps the limits.
     """
     if not (period > 0.0 and rate > 0.0 and trials >= 1 and harmonics >= 3 and period * rate >= 2 * _CONDITION_ROWS):
         raise InputError(

@@ -90,7 +90,6 @@ def _moves(candidates: Sequence[_Candidate]) -> list[dict[tuple[str, str], int]]
 
 
 def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequence[str]) -> list[_Candidate]:
-    """Return the parts that frictions lack and could have."""
     found, own = list[_Candidate](), [friction for friction in actuation.friction if not friction.recording]
     tried = [term for term in FRICTION_TERMS.values() if term.kind in kinds and not term.usual]
     tried = [term for term in tried if term.memory is None or samples[0].history is not None]
@@ -116,8 +115,6 @@ def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequenc
 
 
 class _Evidence:
-    """The log evidence of candidates beside base parameters."""
-
     def __init__(
         self,
         base: BaseParameters,

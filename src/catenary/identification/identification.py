@@ -298,14 +298,11 @@ def identify(
 def identify_logs(
     logs: Sequence[MotionLog], samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions
 ) -> Identification:
-    """Identify from recordings, with the wrench under the base if it was recorded.
+    """Identify from recordings, with the base's wrench if recorded; InputError where it predicts torques worse.
 
     Args:
         logs, samples: Recordings, and their samples by `prepared`.
         model, options: See `identify`.
-
-    Raises:
-        InputError: The joints' torques are predicted worse with the wrench than without it.
     """
     on_base = with_base_wrench(model, logs)
     if on_base is model:
@@ -342,8 +339,7 @@ def _of_arm(found: Identification, model: RobotModel, samples: Sequence[Samples]
     return replace(result, training=tuple(result.compare(part) for part in samples))
 
 
-def _motion(samples: Sequence[Samples]) -> tuple[Floats, Floats, Floats]:
-    """Return q, qd and qdd (N, n) of all recordings."""
+def _motion(samples: Sequence[Samples]) -> tuple[Floats, Floats, Floats]:  # (N, n) each
     q, qd, qdd = (np.concatenate([getattr(part, key) for part in samples]) for key in ("q", "qd", "qdd"))
     return q, qd, qdd
 
@@ -376,7 +372,6 @@ def identify_samples(samples: Sequence[Samples], model: RobotModel, options: Ide
     """Identify from filtered samples.
 
     Args:
-        samples: Filtered rows of each recording.
         model, options: See `identify`.
     """
     with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other

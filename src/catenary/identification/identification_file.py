@@ -48,9 +48,7 @@ def identification_card(
     """Return the card of an identification: what a user must know before relying on its parameters.
 
     Args:
-        result: The identification.
         data: Record of each recording: name, hash, role.
-        notes: Sentences to keep.
         mends: Corrections of the recordings, by name.
     """
     base = result.base
@@ -79,9 +77,6 @@ def save_identification(result: Identification, card: Card, path: Path) -> None:
 
     Args:
         result, card, path: The identification, its card, and the archive (.npz).
-
-    Raises:
-        OSError: The folder is not writable, or the disk is full.
     """
     arrays: dict[str, Any] = {
         "structure": np.array(json.dumps(_record(result, robot_record(result.model)))),

@@ -134,5 +134,4 @@ def covariance(reduced: Triangles, weights: Floats, beta: Floats) -> Floats:
 
 
 def _triangle(matrix: Floats) -> Floats:
-    """Return R of a matrix's QR decomposition."""
     return np.asarray(np.linalg.qr(matrix, mode="r"))

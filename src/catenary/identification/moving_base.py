@@ -25,9 +25,7 @@ def moving_base_notes(robot: RobotModel, phi: Floats, samples: Sequence[Samples]
     there and, as a rival that explains nothing, of places at other times.
 
     Args:
-        robot: The arm.
         phi: (10 L,) its links' parameters, as identified.
-        samples: Recordings.
         left: (N, n) of each, measured less predicted torque [Nm or N].
     """
     notes = []

@@ -95,13 +95,9 @@ def payload_candidates(
     has them, and what else may differ (see the file) are in the deviations.
 
     Args:
-        result: The identified dynamics.
         loaded: Recordings with the payload, prepared as those that were fitted.
         at: Frame, and the payload's place in it [m], if known.
         unloaded: Recordings without it, of the same day: what they show in its place is the arm's.
-
-    Raises:
-        InputError: No recording, an unknown frame or one at rest, or a model of poses at rest and a moving recording.
     """
     if not loaded:
         raise InputError("payload: expected at least one recording")
@@ -208,7 +204,6 @@ def place_of(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Fl
 
 
 def _estimate(model: RobotModel, of: Load, sure: float, anywhere: bool) -> PayloadEstimate:
-    """Return the estimate of a load on a link."""
     mean, deviation = of.mean, np.sqrt(np.maximum(np.diag(of.covariance), 0.0))
     is_known = not anywhere or deviation[0] < _TOLD_DEVIATION * mean[0]
     moment, moment_std = mean[1:4], deviation[1:4]

@@ -53,7 +53,6 @@ def residual_verdict(
     "drifted": otherwise.
 
     Args:
-        model, samples: The robot, and filtered rows of the recording.
         predicted: Predicted torques (N, n) [Nm or N].
         training: Largest relative RMS of each axis in training (n,).
         seen: Range that each joint moved over in training; unknown when None.

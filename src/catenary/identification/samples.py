@@ -417,7 +417,6 @@ def _filtered(sections: Floats, values: Floats, mirrored: int) -> Floats:
 
 
 def _cut_rows(settings: SignalFilter, step: float) -> int:
-    """Return the number of rows, a step [s] apart, to cut at each end."""
     return int(np.ceil(settings.cut_s / step))
 
 

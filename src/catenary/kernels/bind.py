@@ -114,7 +114,6 @@ def _check(names: Sequence[str], inputs: Sequence[NDArray[Any]], outputs: Sequen
 
 
 def _is_known(dtype: np.dtype[Any]) -> bool:
-    """Return True if compiled functions take arrays of a type: numbers, or named fields of them."""
     if dtype.names is not None:
         return all(_is_known(dtype[name]) for name in dtype.names)
     if dtype.subdtype is not None:

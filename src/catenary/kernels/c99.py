@@ -62,7 +62,6 @@ def c_function(prefix: str, name: str, line: Line) -> str:
 
     Args:
         prefix: Beginning of all names.
-        name: Name of the function.
         line: Straight-line program; `out` is none of its inputs. Rates of a base may be NULL in C: at rest.
     """
     arrays = tuple(widths_of(line))

@@ -188,7 +188,6 @@ class _Function:
         return "double" if any(self._value(node).kind == "double" for node in nodes) else "int"
 
     def _part(self, array: Value, places: Sequence[ast.expr]) -> Value:
-        """Return an element, a row, or a stretch of a row."""
         offset, sizes = "0", array.sizes[len(places) :]
         for axis, place in enumerate(places):
             if isinstance(place, ast.Slice) and place.lower is not None and place.upper is not None:

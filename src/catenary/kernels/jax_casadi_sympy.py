@@ -24,13 +24,9 @@ def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) 
     """Return a line as a `casadi.Function` (SX).
 
     Args:
-        name: Name of the function.
         line: Straight-line program, whose inputs are the function's.
         shape: Shape of the output, (m,) or (m, k).
         result: Name of the output.
-
-    Raises:
-        MissingPackageError: CasADi is not installed.
     """
     casadi = imported("casadi", "CasADi functions need casadi", "casadi")
     inputs = {array: casadi.SX.sym(array, width) for array, width in widths_of(line).items()}
@@ -48,14 +44,10 @@ def casadi_function(name: str, line: Line, shape: tuple[int, ...], result: str) 
 
 
 def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
-    """Return a line as a jitted JAX function of float64 arrays, named and ordered as the line's inputs.
+    """Return a line as a jitted JAX function of its inputs, float64 arrays; NotReadyError if JAX uses float32.
 
     Args:
         line, shape: Straight-line program, and shape of the result.
-
-    Raises:
-        MissingPackageError: JAX is not installed.
-        NotReadyError: JAX computes in float32.
     """
     jax = imported("jax", "JAX functions need jax", "jax")
     jnp = jax.numpy
@@ -89,7 +81,6 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
 
 
 def _functions(package: Any, **names: str) -> dict[str, Callable[[Any], Any]]:
-    """Return the functions of a line as a package has them, some by other names."""
     own = {name: getattr(package, names.get(name, name)) for name in FUNCTIONS if name != "inverse"}
     return own | {"inverse": lambda x: 1.0 / x}
 
@@ -124,9 +115,6 @@ def sympy_function(line: Line, shape: tuple[int, ...]) -> SymbolicFunction:
 
     Args:
         line, shape: Straight-line program, and shape of the result.
-
-    Raises:
-        MissingPackageError: SymPy is not installed.
     """
     sympy = imported("sympy", "SymPy expressions need sympy", "symbolic")
     inputs = {

@@ -125,7 +125,6 @@ class Register:
     """A number, or `_LANES` of them, in a register: plain arithmetic on it writes instructions."""
 
     def __init__(self, builder: Any, value: Any) -> None:
-        """Take what was written."""
         self._builder, self.value = builder, value
 
     def _written(self, write: Any, other: "Register | float", turned: bool = False) -> "Register":

@@ -24,9 +24,7 @@ def standardise(X: Floats, mean: Floats, scale: Floats, Z: Floats) -> None:
     """Compute Z = (X - mean) / scale.
 
     Args:
-        X: Features (N, F).
-        mean, scale: (F,).
-        Z: (N, F), written.
+        X, mean, scale, Z: Features (N, F); (F,) each; (N, F), written.
     """
     for row in range(len(X)):
         for k in range(len(mean)):
@@ -46,9 +44,7 @@ def dense(X: Floats, weights: Floats, bias: Floats, Y: Floats) -> None:
     """Compute Y = X @ weights + bias, summed in the order of inputs; eight rows share what they read.
 
     Args:
-        X: Inputs (N, F).
-        weights, bias: (F, m), (m,).
-        Y: (N, m), written.
+        X, weights, bias, Y: Inputs (N, F); (F, m), (m,); (N, m), written.
     """
     fours = len(weights) - len(weights) % 4
     for first in range(0, len(X), 8):
@@ -147,9 +143,7 @@ def between(X: Floats, lower: Floats, upper: Floats, inside: Flags) -> None:
     """Clear the flags of rows that leave their limits or hold NaN.
 
     Args:
-        X: Rows (N, F).
-        lower, upper: Limits (F,).
-        inside: Flags (N,), cleared in place.
+        X, lower, upper, inside: Rows (N, F); limits (F,); flags (N,), cleared in place.
     """
     for row in range(len(X)):
         for k in range(len(lower)):

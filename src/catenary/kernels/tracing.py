@@ -70,7 +70,6 @@ class Symbol:
     __array_ufunc__ = None  # a NumPy number times a symbol calls the symbol's __rmul__
 
     def __init__(self, trace: "Trace", step: int, sign: int = 1) -> None:
-        """Point at a step of a trace, with a sign."""
         self.trace, self.step, self.sign = trace, step, sign
 
     def __neg__(self) -> "Symbol":
@@ -222,7 +221,6 @@ class TracedFunctions:
     """Functions of symbols by the names that NumPy has for numbers."""
 
     def __init__(self, trace: Trace) -> None:
-        """Record on a trace."""
         self._trace = trace
 
     def __getattr__(self, name: str) -> Callable[[Term], Term]:
@@ -251,15 +249,10 @@ def evaluate_line(
     functions: Mapping[str, Callable[[Any], Any]] = FUNCTIONS,
     **arrays: Sequence[Any],
 ) -> list[Any]:
-    """Evaluate a line on floats, or on symbols of another library.
+    """Evaluate a line on floats, or on symbols of another library; return its results in their order.
 
     Args:
-        line: Straight-line program.
         sine, cosine, functions: Functions of the library, others by the names of `FUNCTIONS`.
-        **arrays: Inputs by name.
-
-    Returns:
-        The results, in the line's order.
     """
     values: list[Any] = []
     for kind, a, b in line.steps:

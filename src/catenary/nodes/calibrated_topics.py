@@ -93,7 +93,6 @@ class CalibratedPublishers:
     """An arm's calibrated topics: what is published of a state that has been corrected."""
 
     def __init__(self, client: CrtkReader, model: CalibrationModel, *, gravity_torque: bool) -> None:
-        """Begin to publish, beside a RAVEN-II's arm or a dVRK PSM."""
         self._names, self._model_names = client.joint_names, model.joint_names
         kinematics, weight = _robots(client, gravity_torque=gravity_torque)
         self._tool = ToolPose(kinematics, self._names)
@@ -273,7 +272,6 @@ class CalibratedTopics:
 
 
 def _robots(client: CrtkReader, *, gravity_torque: bool) -> tuple[RobotModel, RobotModel | None]:
-    """Return an arm's kinematics, and the arm whose gravity torques are asked for, if they are."""
     kind = kind_with_joints(client.joint_names, client.arm)
     if kind is None or client.joint_names != kind.joints:
         raise InputError(
@@ -297,9 +295,6 @@ def reader_of(
     """Return the robot, a PSM or else a RAVEN-II, that a model of given joints is deployed beside.
 
     Args:
-        joints: Joints of the model.
-        transport: Connection.
-        arm: Side of a RAVEN-II.
         dialect: CRTK dialect; the robot's own when None.
         namespace: Namespace of a PSM; /PSM1 when None.
         gravity: Topic of measured gravity, if any.

@@ -159,7 +159,6 @@ class GravityNode:
         return reading
 
     def _tell_left_over(self, arm: LevelBaseArm, reading: GravityReading, stamp: int) -> None:
-        """Publish the torques to add to those of a level base; say why where there are none."""
         names, message = arm.model.joint_names, self._joints.fresh(_JOINTS_HELD_S)
         if message is None:
             self.complaint = f"no delta: no joints on {arm.joints}"
@@ -277,16 +276,12 @@ def publish(
     duration: float | None = None,
     show: Callable[[Any], None] = lambda status: None,
 ) -> Any:
-    """Step a node at a rate until the duration is over, its transport closed, or Ctrl-C.
+    """Step a node at a rate until the duration is over, its transport closed, or Ctrl-C; return the last status.
 
     Args:
-        node: The node.
         rate_hz: Rate [Hz].
         duration: Time [s]; until Ctrl-C when None.
         show: Called with a status every second.
-
-    Returns:
-        The last status.
     """
     if duration is not None and not duration > 0.0:
         raise InputError(f"duration: expected more than 0 s, got {duration}")

@@ -87,8 +87,6 @@ def make_server(
     """Serve a robot over a transport; nothing moves before the server's ticks.
 
     Args:
-        serving: Robot, dialect and options.
-        transport: Connection.
         rate_hz: Rate of states: the robot's own divided by a whole number [Hz].
         plants: Robots in place of simulated arms, by name.
     """
@@ -169,7 +167,6 @@ def serve(
     than it should for long.
 
     Args:
-        server: The server.
         show: Called with a status every second.
         start: Whether to press the silver button first, or to enable and home the arms of a robot without one.
         duration: Time [s]; until Ctrl-C when None.

@@ -155,7 +155,6 @@ class ToolNode:
         return self.motion.newest >= time + self.motion.wait or now - time > self.motion.wait + _JOINTS_HELD_S
 
     def _read(self, time: float, message: Message) -> None:
-        """Compensate a reading and publish it, or weigh by it."""
         reading = np.array([*message.wrench.force, *message.wrench.torque])
         gravity, gravity_age = (LEVEL, 0.0) if self._gravity is None else self._gravity.now()
         self._complaint = self._missing(time, reading, gravity_age)
@@ -186,7 +185,6 @@ class ToolNode:
         return "gravity is not live" if gravity_age > _GRAVITY_HELD_S else ""
 
     def _weigh(self) -> None:
-        """Make a tool of the poses; say why where they make none."""
         try:
             tool, doubts = self._rests.weigh()
             judge([("poses", finding) for finding in doubts], self._accept, done="weighed")
@@ -202,7 +200,6 @@ class ToolNode:
         self._compensation.motion = motion
 
     def _text(self) -> str:
-        """Return the status in words."""
         if self.transport.steady() / SECOND - self._heard > _READINGS_HELD_S:
             return f"no wrenches on {self._readings.topic}"
         if self._complaint:

@@ -112,26 +112,20 @@ def measured_topic(arm: Arm) -> Topic:
 
 
 def state_column(message: object, name: str) -> Floats:
-    """Return a field of a raven_state message in SI.
+    """Return a field (width,) of a raven_state message in SI.
 
     Args:
         name: Field, one of STATE_COLUMNS.
-
-    Returns:
-        (width,) of the field.
     """
     values = np.atleast_1d(np.asarray(getattr(message, name), dtype=np.float64))
     return values / SECOND if name == "dt" else values * STATE_COLUMNS[name].to_si
 
 
 def in_channels(arm: Arm, values: Floats) -> Floats:
-    """Place values of an arm's joints in raven_state's channels.
+    """Place values of an arm's joints in raven_state's channels (..., 16), zero in others.
 
     Args:
         arm, values: "gold" or "green", and (..., 7).
-
-    Returns:
-        (..., 16), zero in the other arm's and unused channels.
     """
     channels = np.zeros((*values.shape[:-1], 16))
     channels[..., CHANNELS[arm]] = values
@@ -139,17 +133,11 @@ def in_channels(arm: Arm, values: Floats) -> Floats:
 
 
 def further_columns(columns: Sequence[str], arm: Arm) -> dict[str, tuple[str, str]]:
-    """Return the log signals of further columns of raven_state.
+    """Return message path and unit, by log signal, of further columns of raven_state; those in every log are left out.
 
     Args:
         columns: Names of STATE_COLUMNS, or "all".
         arm: Arm whose signals have no prefix: mpos:<axis> beside green_mpos:<axis> of the other arm.
-
-    Returns:
-        Path in the message and unit, by signal, without those that every log has.
-
-    Raises:
-        InputError: An unknown column.
     """
     unknown = [name for name in columns if name not in STATE_COLUMNS and name != "all"]
     if unknown:

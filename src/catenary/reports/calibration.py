@@ -112,7 +112,6 @@ def _places(robot: RobotModel, names: Sequence[str], units: Sequence[str]) -> li
 
 
 def _moves_tip(robot: RobotModel, places: Sequence[int]) -> bool:
-    """Return true if any of the given coordinates of a robot moves its tip."""
     q = np.full((2, robot.n), 0.1)
     q[1, list(places)] = 0.0
     first, second = forward_kinematics(robot, q)[1]
@@ -144,7 +143,6 @@ def write_calibration_report(
     """Write the report of a calibration as one self-contained HTML file.
 
     Args:
-        spread: Results of a cross-validation.
         opening: Blocks after those on errors.
         further: Blocks before the model's card.
         name: Name of the model on the page; kind and preset when None.
@@ -218,11 +216,7 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
 
 
 def first_names(names: Sequence[str], most: int = 8) -> str:
-    """Return the first names of a list, and the number of the others.
-
-    Args:
-        names, most: The names, and the number of names to keep.
-    """
+    """Return the first `most` names of a list, and the number of the others."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 

@@ -227,9 +227,6 @@ def overlay(log: MotionLog, before: float = 0.0, after: float = 0.0) -> "Figure"
     Args:
         log: Recording with encoder positions.
         before, after: Delay of the measurements [s|rows], as recorded and after re-timing.
-
-    Returns:
-        Matplotlib figure.
     """
     from matplotlib.figure import Figure
 
@@ -299,9 +296,6 @@ def model_figure(evaluation: Evaluation, log: MotionLog, joint: str | None = Non
 
     Args:
         joint: Name; the first joint when None.
-
-    Raises:
-        InputError: No joint of this name.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -338,7 +332,6 @@ def model_figure(evaluation: Evaluation, log: MotionLog, joint: str | None = Non
 
 
 def _draw_coverage(axes: "Axes", evaluation: Evaluation, j: int) -> None:
-    """Plot the coverage of the interval over blocks of time, and the nominal one."""
     x = running_time(evaluation)[0]
     axes.set_xlabel("time [s]" if evaluation.window_unit == "s" else "row")
     axes.set_ylabel("within interval [%]")

@@ -59,7 +59,7 @@ def plot(
     hide: Sequence[Part] = (),
     on: Axes | Figure | None = None,
 ) -> Figure:
-    """Draw a robot in its base frame, with its holding torques.
+    """Draw a robot in its base frame, with its holding torques; `savefig` of the returned figure writes it.
 
     Lines are links, from joint to joint; a square is the base, dots are the ends; numbers are joints, as in the bars. A
     short line is the axis of a revolute joint, a dashed one the range of a prismatic joint; spheres are centres of
@@ -71,9 +71,6 @@ def plot(
         gravity: (3,) in base axes [m/s2].
         hide: Parts to omit, of "frames", "masses", "gravity" and "torques".
         on: Empty Matplotlib figure, or 3D axes for the arm without torques.
-
-    Returns:
-        Figure; `savefig` writes it.
 
     Examples:
         >>> figure = catenary.plot(catenary.load_robot("two_link"), [0.3, 0.5])
@@ -116,7 +113,6 @@ def middle_pose(model: RobotModel) -> Floats:
 
 
 def _places(model: RobotModel, on: Any, *, with_bars: bool) -> tuple[Any, list[Any]]:
-    """Return axes for the arm, and axes for the torque bars of each unit."""
     if isinstance(on, Axes):
         if on.name != "3d":
             raise InputError('on: axes of two dimensions; expected plt.subplot(projection="3d"), or a figure')

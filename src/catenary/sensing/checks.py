@@ -328,7 +328,6 @@ class GravityCheck:
         return Fault.GRAVITY_STRIPPED if stripped else Fault.MAGNITUDE
 
     def _watch_rest(self, stamp: float, gravity: Floats, dt: float, length: float, limit: float) -> None:
-        """Update running means and variance, which show rests and the mean length of readings."""
         if not 0.0 < dt < self.REST or abs(length - norm(self._last)) > limit:
             if self.reference is not None and dt < self.REST and math.isinf(self._leapt_at):
                 self._leapt_at, self._leapt_from = stamp, float(self._lengths[0])

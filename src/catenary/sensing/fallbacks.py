@@ -24,7 +24,6 @@ class Fallback:
 
     Args:
         name: Name in options and configuration.
-        words: Description in the help.
         gravity: Substitute (3,) [m/s2] in base axes; None for that of a level base, which has no age.
         stops: Stop the robot, also if no sample is accepted within the start limit.
     """

@@ -72,27 +72,22 @@ class _FaultMemory:
         self._received, self._dropped = -math.inf, 0
 
     def begin(self, dropped: int) -> None:
-        """Clear the faults, and set the number of samples dropped so far."""
         self._seen.clear()
         self._dropped = dropped
 
     def show(self, fault: Fault, time: float) -> None:
-        """Record a fault at a time [s]."""
         if fault is not Fault.NONE:
             self._seen[fault] = time
 
     def count_dropped(self, dropped: int, time: float) -> None:
-        """Record the number of samples that a mailbox has dropped until a time [s]."""
         if dropped != self._dropped:
             self._dropped = dropped
             self.show(Fault.SAMPLES_LOST, time)
 
     def receive(self, time: float) -> None:
-        """Record the time of a sample [s]."""
         self._received = time
 
     def faults(self, time: float) -> Fault:
-        """Return the faults of the last `_FAULT_MEMORY_S`."""
         if not self._seen:
             return Fault.NONE
         self._seen = {fault: seen for fault, seen in self._seen.items() if time - seen <= _FAULT_MEMORY_S}
@@ -156,9 +151,6 @@ class SensedGravity:
             attitude_time: Averaging time of the direction that `fade` converges to [s]; by `mounted_on` when None.
             start_limit: Time without an accepted sample after which `stop` stops the robot [s].
             feed: Called with the time before samples are taken, by which a sensor without a thread can deliver them.
-
-        Raises:
-            InputError: An unknown name, or a time out of range.
         """
         self._ages = _Ages(stale_after, age_limit, start_limit)
         base = base_spectrum(mounted_on)
@@ -311,7 +303,6 @@ class SensedGravity:
         return self._predicted.compare(stamp, value, deviation)
 
     def _reset_accelerometer(self, stamp: float) -> None:
-        """Discard the accelerometer's history after a disagreement."""
         self._check.forget()
         self._force.clear()
         self._check.doubted_until = stamp + PredictedGravity.DRAW
@@ -442,7 +433,6 @@ class SensedGravity:
         return max(unused, min(1.25 * _TURN_S * moves, place * (own * own + own / _TURN_START_S)))
 
     def _silence_faults(self, time: float, status: ReadingStatus) -> Fault:
-        """Return the faults of missing samples."""
         limit = self._ages.stale_after
         if status not in (ReadingStatus.LIVE, ReadingStatus.DEGRADED):
             return self._memory.silence(time, self._first_time, limit)

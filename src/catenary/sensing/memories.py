@@ -266,11 +266,7 @@ def _at(memory: Any, age: float, turning: Floats, out: Floats) -> None:
 
 @compiled
 def turn_matrix(angle: Floats, out: Floats) -> None:
-    """Compute the matrix that transforms a vector to axes turned by a rotation vector.
-
-    Args:
-        angle, out: Rotation vector (3,) [rad], and matrix (3, 3), written.
-    """
+    """Compute the matrix (3, 3) that transforms a vector to axes turned by a rotation vector (3,) [rad]."""
     x, y, z = angle[0], angle[1], angle[2]
     size = math.sqrt(x * x + y * y + z * z)
     s, c = (math.sin(size) / size, (1.0 - math.cos(size)) / size**2) if size > 1e-9 else (1.0, 0.5)

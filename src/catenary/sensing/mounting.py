@@ -29,11 +29,7 @@ _MAX_VALUES = {"position": (10.0, "m"), "bias": (1e3, "m/s2"), "scale": (1e3, ""
 
 @dataclass(frozen=True)
 class Mounting:
-    """Pose and errors of a sensor on a base: true = (reading - bias) / scale in its axes; v_base = R_base_imu v_imu.
-
-    Raises:
-        InputError: A rotation that is none, or a value outside its range.
-    """
+    """Pose and errors of a sensor on a base: true = (reading - bias) / scale in its axes; v_base = R_base_imu v_imu."""
 
     rotation: Floats = field(default_factory=lambda: np.eye(3))  # (3, 3) R_base_imu
     position: Floats = field(default_factory=lambda: np.zeros(3))  # (3,) from the base's origin, in its axes [m]
@@ -129,11 +125,7 @@ _SCHEMA = _file_schema()
 
 
 def load_mounting(path: Path | str) -> Mounting:
-    """Load a mounting file (TOML).
-
-    Raises:
-        ConfigError: The file does not hold a valid mounting.
-    """
+    """Load a mounting file (TOML)."""
     content = load_toml(Path(path), _SCHEMA).model_dump()
     values = {place[0]: content[section][key] for section, keys in _PLACES.items() for key, place in keys.items()}
     try:

@@ -107,11 +107,7 @@ class RestPose(NamedTuple):
 
 
 class RestPoses:
-    """Collect rest poses with different directions of gravity in the sensor's axes; a newer one replaces a similar one.
-
-    Args:
-        frame: Frame of the sensor; the tip when None.
-    """
+    """Collect rest poses of unlike gravity in the sensor's frame (None: the tip); newer replace similar ones."""
 
     def __init__(self, model: RobotModel, frame: str | None = None) -> None:
         model.frame(frame)
@@ -221,13 +217,7 @@ class ToolCompensation:
         return bool(np.isfinite(self._asked))
 
     def update(self, time: float, reading: ArrayLike, gravity: ArrayLike) -> ToolReading:
-        """Return the contact wrench of a reading; at least one joint state must precede it.
-
-        Args:
-            time: Of the reading [s].
-            reading: (6,) force and moment of the sensor [N, Nm].
-            gravity: (3,) in base axes [m/s2].
-        """
+        """Return the contact wrench of a reading (6,), gravity (3,) in base axes, SI; a joint state comes first."""
         raw, down = as_array("reading", reading, (6,)), as_array("gravity", gravity, (3,))
         q, qd, qdd = self.motion.at(time)
         resting, moving = self._load(q, 0.0 * qd, 0.0 * qdd, down), self._load(q, qd, qdd, down)

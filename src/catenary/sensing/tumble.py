@@ -94,9 +94,6 @@ def align(readings: ArrayLike, up: ArrayLike, *, expected: ArrayLike | None = No
         up: (N, 3) directions of up in reference axes: (0, 0, 1) for a level base.
         expected: (3, 3) approximate rotation, which distinguishes a wrong sign from swapped axes; without it no
             rotation is a fault.
-
-    Raises:
-        InputError: All directions are parallel.
     """
     force = as_array("readings", readings, (None, 3))
     true = as_array("up", up, (len(force), 3))
@@ -149,7 +146,6 @@ def level_and_tilts(level: ArrayLike, roll: ArrayLike, pitch: ArrayLike) -> tupl
 
 
 def _handedness_faults(force: Floats, true: Floats) -> list[str]:
-    """Detect left-handed axes from biased means at rest (N, 3) and directions of up (N, 3)."""
     spread_up, spread = STANDARD_GRAVITY * (true - true.mean(axis=0)), force - force.mean(axis=0)
     U, sizes, Vt = np.linalg.svd(spread_up.T @ spread)
     mirror = U @ Vt  # the best orthogonal matrix; three directions that are not in one plane reveal a reflection
@@ -177,7 +173,6 @@ def length_faults(y: Floats) -> list[str]:
 
 
 def _axes_text(matrix: Floats) -> str:
-    """Return a text that maps each of the sensor's axes to the nearest reference axis."""
     nearest = np.argmax(np.abs(matrix), axis=0)
     return ", ".join(f"{'xyz'[j]} reads {'-' if matrix[k, j] < 0 else '+'}{'xyz'[k]}" for j, k in enumerate(nearest))
 
@@ -198,10 +193,7 @@ def fit_orientations(readings: ArrayLike, up: ArrayLike) -> SensorFit:
 
     Args:
         readings: (N, 3) means at rest [m/s2], N >= 4.
-        up: (N, 3) directions of up in reference axes.
-
-    Raises:
-        InputError: Fewer than four rests, or directions of up on one line.
+        up: (N, 3) directions of up in reference axes, not all on one line.
     """
     y = as_array("readings", readings, (None, 3))
     true = as_array("up", up, (len(y), 3))

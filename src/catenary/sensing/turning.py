@@ -138,13 +138,10 @@ class _Residuals(NamedTuple):
 
 
 def integral(times: Floats, values: Floats) -> Floats:
-    """Return the trapezoidal integral of values over times, from the first.
+    """Return the trapezoidal integral (N, 3) of values over times, from the first.
 
     Args:
         times, values: (N,), (N, 3).
-
-    Returns:
-        (N, 3).
     """
     steps = 0.5 * np.diff(times)[:, None] * (values[1:] + values[:-1])
     return np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])

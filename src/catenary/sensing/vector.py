@@ -80,9 +80,6 @@ def convention_of(units: Sequence[str] = (), axes: Sequence[str] = (), driver: s
         units: Of the accelerometer, then of the gyroscope; missing ones are the driver's, or SI without a driver.
         axes: One for both sensors, or one each; a frame or an order of axes as in `axes_matrix`.
         driver: Name of a known driver, which sets the defaults.
-
-    Raises:
-        InputError: An unknown unit, frame or driver, or left-handed axes.
     """
     usual = Driver(("m/s2", "rad/s"), "flu") if driver is None else _DRIVERS.get(driver)
     if usual is None:
@@ -195,13 +192,10 @@ class FixedGravity:
 
 
 def tilted_gravity(roll: float, pitch: float) -> Floats:
-    """Return gravity in the axes of a tilted base, R_world_base^T (0, 0, -g).
+    """Return gravity (3,) [m/s2] in the axes of a tilted base, R_world_base^T (0, 0, -g).
 
     Args:
         roll, pitch: Angle about x [rad], first, and about the rolled y axis [rad].
-
-    Returns:
-        (3,) [m/s2].
     """
     r, p = as_array("roll and pitch", [roll, pitch], (2,))
     return STANDARD_GRAVITY * np.array([np.cos(r) * np.sin(p), -np.sin(r), -np.cos(r) * np.cos(p)])

@@ -42,11 +42,7 @@ _Vector = Annotated[Floats, Listed((3,))]
 
 @dataclass(frozen=True, eq=False)
 class WristTool:
-    """Tool behind a force/torque sensor, and the sensor's biases; deviations are standard deviations of estimates.
-
-    Raises:
-        InputError: A rotation that is none, a sign other than 1 or -1, or an impossible inertia.
-    """
+    """Tool behind a force/torque sensor, and the sensor's biases; deviations are standard deviations of estimates."""
 
     __pydantic_config__ = IN_FILES
 
@@ -250,7 +246,6 @@ def _gain_finding(tool: WristTool, off: Floats, left_by_axes: float) -> Finding 
 
 
 def _torque_finding(tool: WristTool, torques: Floats, down: Floats) -> Finding | None:
-    """Return the finding of torques that follow gravity, but not as those of a point mass."""
     matrix, left = _least_squares([np.einsum("nj,ik->nikj", down, np.eye(3))], torques)
     size = float(np.abs(matrix[:9]).max()) * float(np.linalg.norm(down[0]))
     if left < _BETTER_SHARE * tool.torque_rms**2 and tool.torque_rms > _MIN_GAIN_ERROR * size:
@@ -284,11 +279,7 @@ def _cable_finding(
 
 
 def load_tool(path: Path | str) -> WristTool:
-    """Load a tool file (TOML).
-
-    Raises:
-        ConfigError: The file does not hold a valid tool.
-    """
+    """Load a tool file (TOML)."""
     try:
         return load_toml(Path(path), WristTool)
     except InputError as error:

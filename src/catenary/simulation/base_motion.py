@@ -225,10 +225,8 @@ class SteeredBase:
 
         Args:
             time: Start of the motion [s].
-            roll: Goal about x [rad].
-            pitch: Goal about the base's y [rad].
-            amplitude: Of rocking about x [rad], 0 or more.
-            frequency: Of rocking [Hz], 0 or more.
+            roll, pitch: Goals about x and about the base's y [rad].
+            amplitude, frequency: Of rocking about x [rad], [Hz], 0 or more.
         """
         roll, pitch = as_array("roll, pitch", [roll, pitch], (2,)).tolist()
         as_not_negative("amplitude and frequency of rocking", [amplitude, frequency], (2,))

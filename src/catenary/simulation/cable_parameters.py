@@ -147,14 +147,7 @@ class CableArm(NamedTuple):
 
 
 def load_cable_arm(path: Path | str = RAVEN2) -> CableArm:
-    """Load a cable-driven arm from a data file.
-
-    Args:
-        path: Name of a file of the package, or the path of another file.
-
-    Raises:
-        ConfigError: A parameter is missing, unknown, or outside its plausible range.
-    """
+    """Load a cable-driven arm from a data file of the package, by its name, or from another, by its path."""
     if isinstance(path, str):
         with as_file(files("catenary.simulation") / "data" / path) as packaged:
             return load_cable_arm(packaged)

@@ -326,7 +326,6 @@ class PositioningArm:
     """
 
     def __init__(self, arm: CablePlant) -> None:
-        """Wrap an arm, which may still be commanded itself."""
         self.arm = arm
 
     def __getattr__(self, name: str) -> Any:
@@ -389,15 +388,12 @@ def as_reported(plant: CablePlant, values: Floats) -> Floats:
 def of_both_arms(
     plant: CablePlant, log: TickLog, beside: CablePlant | None, log_beside: TickLog | None
 ) -> dict[str, Floats]:
-    """Return the telemetry of one or two arms of a robot in the robot's channels.
+    """Return the telemetry of one or two arms in the robot's channels, columns as in `telemetry_of`.
 
     Args:
         plant: Arm whose columns without channels are kept.
         log: Its T ticks.
         beside, log_beside: Other arm, if any, and its log of the same ticks.
-
-    Returns:
-        Columns as in `telemetry_of`, with the other arm's channels and pose.
     """
     columns = telemetry_of(plant, log)
     if beside is not None and log_beside is not None:

@@ -248,13 +248,10 @@ def register_encoders(firmware: Firmware, control: ControlState, joint: Floats) 
 
 
 def joint_torques(firmware: Firmware, torque: Floats) -> Floats:
-    """Return the joint torques of motor torques, without friction.
+    """Return the joint torques (..., 7) [Nm, Nm, N, Nm...] of motor torques, without friction.
 
     Args:
         torque: (..., 7) at the gearboxes' outputs [Nm].
-
-    Returns:
-        (..., 7) [Nm, Nm, N, Nm...].
     """
     cable: Floats = torque * firmware.ratio / firmware.gearbox
     joint = cable.copy()

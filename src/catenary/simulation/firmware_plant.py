@@ -103,16 +103,10 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
         self._wanted = None
 
     def run(self, setpoints: ArrayLike) -> Log:
-        """Run T setpoints, one a tick, in one compiled call with the firmware inside.
+        """Run setpoints (T, n) [rad|m], one a tick, in one compiled call; return their log. NaN leaves an axis.
 
         The result equals that of `servo_jp` and `wait` for every row, sample for sample. Split hours into pieces: a log
         takes some 500 B a tick.
-
-        Args:
-            setpoints: (T, n) [rad|m]; NaN leaves an axis where it is.
-
-        Returns:
-            Log of T ticks.
 
         Raises:
             NotReadyError: The robot is not ready, or its firmware stopped during the run.
@@ -161,8 +155,7 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
     def external_encoders(self) -> Floats:
         """Return joint positions by external encoders or a tracker [rad|m]; NaN before they are registered."""
 
-    def _joint_torques(self) -> Floats:
-        """Return the joint torques (n,) that the robot reports [Nm|N]."""
+    def _joint_torques(self) -> Floats:  # (n,) [Nm|N], as the robot reports them
         return np.array(self.control.torque)
 
     @abstractmethod
@@ -266,7 +259,6 @@ def save_plant(plant: AnyArm, path: Path) -> None:
     """Save the state of an arm and its firmware as a NumPy archive, without its parameters, which follow from its seed.
 
     Args:
-        plant: Arm, in any state.
         path: File to replace atomically.
     """
     arrays = {key: record[name] for key, record, name in _saved(plant)} | plant.registered
@@ -280,9 +272,6 @@ def restore_plant(plant: AnyArm, path: Path) -> None:
 
     Args:
         plant: Arm with the same parameters and base.
-
-    Raises:
-        FileFormatError: The file is missing, damaged, or of another robot.
     """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file; no state of the robot was saved there")
@@ -340,5 +329,4 @@ def _like(values: NDArray[Any], now: Any, name: str) -> NDArray[Any]:
 
 
 def _robot(plant: AnyArm) -> dict[str, object]:
-    """Return the parameters that must be equal to restore a state."""
     return {"format": STATE_FORMAT, **plant.identity, "base": repr(plant.base)}

@@ -39,9 +39,6 @@ def tree_mjcf(model: RobotModel) -> str:
 
     Body and joint i have the name of link i; the body's frame is frame i of the tree. The joints are the tree's,
     uncoupled: the simulation sets tree coordinates = coupling q + offset.
-
-    Raises:
-        MissingInertiaError: A link without inertia.
     """
     model.require_inertia()
     children: list[list[int]] = [[] for _ in range(len(model.link_names) + 1)]
@@ -102,7 +99,6 @@ class MujocoDynamics:
     """
 
     def __init__(self, model: RobotModel) -> None:
-        """Compile a robot for MuJoCo."""
         self._robot = model
         self._mujoco = mujoco = imported("mujoco", "MuJoCo simulates this robot and is not installed", "mujoco")
         text = tree_mjcf(model)
@@ -230,7 +226,6 @@ class MujocoPlant(SimulatedPlant):
             substeps: Physics steps per tick of 1 ms; the error for stiff springs or dampers states the number needed.
 
         Raises:
-            MissingPackageError: MuJoCo is not installed.
             LimitError: `start` is outside the joint limits.
             InputError: A joint moves no mass, or springs or dampers are too stiff for the step.
         """
@@ -360,8 +355,7 @@ class MujocoPlant(SimulatedPlant):
         self._dynamics.move_base(gravity[0], motion[0])
         self._dynamics.update()
 
-    def _mass_matrix(self) -> Floats:
-        """Return the mass matrix of all moving parts, (nz, nz)."""
+    def _mass_matrix(self) -> Floats:  # (nz, nz), of all moving parts
         begin_step(self._joints, self._motion, self._dynamics.tree)
         self._update(0)
         dof, coupling, n = self._joints.dof, self._joints.coupling, self.model.n

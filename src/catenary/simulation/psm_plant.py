@@ -139,13 +139,10 @@ class PsmPlant(FirmwarePlant[PsmLog]):
 
 
 def psm_telemetry(plant: PsmPlant, log: PsmLog) -> dict[str, Floats]:
-    """Return T ticks of a run as telemetry.
+    """Return T ticks of a run as telemetry: columns (T, 6) by name, without the jaw, in SI.
 
     Args:
         log: Its last T ticks.
-
-    Returns:
-        Columns (T, 6) by name, without the jaw, in SI.
     """
     measured = (log.joint, log.joint_velocity, log.torque, log.setpoint)
     columns = {name: values[:, :ARM_JOINTS].copy() for name, values in zip(PSM_COLUMNS, measured, strict=False)}

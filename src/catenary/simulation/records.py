@@ -90,7 +90,6 @@ class Record(np.ndarray[Any, np.dtype[Any]]):
 
 
 def _storage(hint: Any, sizes: Mapping[str, int]) -> tuple[str, tuple[int, ...]]:
-    """Return the NumPy type and the shape of a field."""
     if hint in _SCALARS:
         return _SCALARS[hint], ()
     _, kind, shape = get_args(hint)

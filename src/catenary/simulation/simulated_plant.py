@@ -32,7 +32,6 @@ class SimulatedPlant(ABC):
     columns: tuple[Column, ...]  # of telemetry
 
     def __init__(self, base: BaseTimeline, *, is_homed: bool) -> None:
-        """Start at tick zero, disabled, on a base."""
         self._base = base
         self._tick = 0
         self._state: StateName = "DISABLED"
@@ -127,8 +126,7 @@ class SimulatedPlant(ABC):
         self._state, self._fault = state, why
         self._state_changed()
 
-    def _base_now(self) -> BaseSamples:
-        """Return the base's motion at this instant, one row."""
+    def _base_now(self) -> BaseSamples:  # one row
         return self._base.rows(self._tick, 1)[0]
 
     def _joint_state(self, q: Floats, qd: Floats, tau: Floats, q_motor: Floats) -> JointState:
@@ -163,7 +161,6 @@ class PacedPlant:
     """A simulated plant in real time; the time of a late tick is not caught up."""
 
     def __init__(self, plant: Plant) -> None:
-        """Pace a plant from its first tick on."""
         self._plant = plant
         self._next: float | None = None
         self.late = 0  # ticks that began at least a period late

@@ -113,7 +113,6 @@ class TeleopSession:
         return blocked
 
     def _hold(self) -> None:
-        """Stop at the setpoint."""
         self._motion.stop()
         if self.plant.operating_state().is_ready:
             self.plant.servo_jp(self.plant.setpoint_js().q)
@@ -146,7 +145,6 @@ class TeleopSession:
             self.message = str(error)
 
     def _in_words(self, state: OperatingState) -> str:
-        """Return the robot's state as a sentence, with the remedy."""
         homed = "homed" if state.is_homed else "homing" if state.is_busy else "not homed: H H homes it"
         remedy = "" if state.is_busy else _REMEDIES.get(state.state, "")
         return f"the robot is {state_in_words(self.plant, state)}, {homed}{remedy}"
@@ -158,7 +156,6 @@ class TeleopSession:
         return is_due
 
     def _draw(self, blocked: tuple[str, ...]) -> None:
-        """Draw as many lines as the terminal has, truncated to its width."""
         columns, lines = self._terminal.size
         footer = [*(_MORE if self._with_help else ()), *_HELP]
         room = max(0, lines - len(footer))
@@ -167,7 +164,6 @@ class TeleopSession:
         self._terminal.draw([visible(text.replace("\n", " "))[:columns] for text in shown[:lines]])
 
     def _robot_lines(self, blocked: tuple[str, ...]) -> list[str]:
-        """Return the robot's state, its joints and its tip as text."""
         plant, motion, state = self.plant, self._motion, self.plant.operating_state()
         measured, setpoint, lower, upper = plant.measured_js(), plant.setpoint_js().q, plant.lower, plant.upper
         what = "simulated" if plant.simulated else "ROBOT"

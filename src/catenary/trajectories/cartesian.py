@@ -57,7 +57,6 @@ class CartesianSinusoids(SampledTrajectory):
         The tip of a robot of six coordinates or more keeps its orientation.
 
         Args:
-            model: Robot of n coordinates.
             q_start: (n,) start, to which the motion returns after each axis [rad|m].
             amplitude: To either side [m].
             period: Of a sine [s].
@@ -123,7 +122,6 @@ class CartesianSinusoids(SampledTrajectory):
         return q
 
     def _refuse_leaps(self, model: RobotModel, times: Floats, q: Floats) -> None:
-        """Refuse velocities beyond the joints' limits, such as a jump to another configuration."""
         fallback = [_FASTEST[unit] for unit in model.joint_units]
         fastest = np.where(np.isinf(model.velocity_limit), fallback, model.velocity_limit)
         speed = np.abs(np.diff(q, axis=0)) / np.diff(times)[:, np.newaxis]

@@ -72,11 +72,7 @@ class GoneOn(SampledTrajectory):
     """
 
     def __init__(self, motion: Trajectory, begin: float) -> None:
-        """Resume a motion.
-
-        Args:
-            begin: Instant at which to resume [s], 0 to the motion's duration.
-        """
+        """Resume a motion at `begin` [s], 0 to its duration."""
         if not 0.0 <= begin <= motion.duration:
             raise InputError(f"begin: expected 0 to {motion.duration:g} s, got {begin:g}")
         self._motion, self.begin = motion, begin
@@ -99,12 +95,7 @@ _NEAR = 1e-9  # [rad|m] rounding, between the end of one motion and the start of
 
 
 class Rest(SampledTrajectory):
-    """Rest at a joint position.
-
-    Args:
-        q: (n,) [rad|m].
-        duration: [s], 0 or more.
-    """
+    """Rest at a joint position (n,) [rad|m] for a duration [s], 0 or more."""
 
     def __init__(self, q: ArrayLike, duration: float) -> None:
         self._q = as_array("q", q, (None,)).copy()

@@ -51,7 +51,6 @@ class SmoothedPath(SampledTrajectory):
     """Trajectory along one piecewise linear path per joint, with blended corners."""
 
     def __init__(self, lines: Sequence[BrokenLine]) -> None:
-        """Set one path per joint."""
         if not lines:
             raise InputError("lines: expected one for each joint, got none")
         times, points, slopes, blends = [], [], [], []
@@ -135,7 +134,7 @@ def _evaluate_lines(lines: _Lines, times: Floats, q: Floats, qd: Floats, qdd: Fl
 def go_to(
     q_start: ArrayLike, q_goal: ArrayLike, *, max_velocity: ArrayLike, max_acceleration: ArrayLike
 ) -> SmoothedPath:
-    """Return the fastest smooth motion along a straight line in joint space, from rest to rest.
+    """Return the fastest smooth motion along a straight line in joint space, from rest to rest at `q_goal`.
 
     All joints arrive at the same time. The velocity rises and falls as a smoothstep over 3/2 v/a and is constant
     between; over short distances it does not reach the largest velocity v, and its peak follows from acceleration a.
@@ -143,9 +142,6 @@ def go_to(
     Args:
         q_start, q_goal: (n,) [rad|m].
         max_velocity, max_acceleration: (n,), positive [rad/s|m/s], [rad/s2|m/s2].
-
-    Returns:
-        Trajectory that ends at `q_goal` after its `duration`.
 
     Examples:
         >>> motion = catenary.go_to([0.0, 0.0], [0.5, 0.2], max_velocity=[1.0, 1.0], max_acceleration=[2.0, 2.0])

@@ -195,5 +195,4 @@ def _unit_moves(sparsity: float) -> NDArray[np.int64]:
 
 
 def _corner_rows(moves: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the row indices of the path's corners, first and last row included."""
     return np.append(0, np.cumsum(np.abs(moves).sum(axis=1)))

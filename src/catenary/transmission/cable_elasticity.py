@@ -8,14 +8,10 @@ from catenary.kernels.compiled import inlined
 
 @inlined
 def winding_of(coupling: Numbers, q: Numbers) -> Vector:
-    """Return the cable winding at joint positions, or its rate at joint velocities.
+    """Return the winding (q0, q1 + c01 q0, q2 + c02 q0 + c12 q1) at joint positions, or its rate at joint velocities.
 
     Args:
-        coupling: c01, c02, c12 [rad/rad, m/rad, m/rad].
-        q: (3,) joint positions [rad, rad, m] or velocities.
-
-    Returns:
-        (q0, q1 + c01 q0, q2 + c02 q0 + c12 q1), in joint units.
+        coupling, q: c01, c02, c12 [rad/rad, m/rad, m/rad]; (3,) joint positions [rad, rad, m] or velocities.
     """
     return q[0], q[1] + coupling[0] * q[0], q[2] + coupling[1] * q[0] + coupling[2] * q[1]
 
@@ -34,14 +30,10 @@ def joints_of(coupling: Numbers, winding: Vector) -> Vector:
 
 @inlined
 def joint_forces(coupling: Numbers, tension: Vector) -> Vector:
-    """Return the joint torques of cable tensions: the transpose of `winding_of`, which conserves power.
+    """Return the joint torques (3,) of cable tensions: the transpose of `winding_of`, which conserves power.
 
     Args:
-        coupling: c01, c02, c12.
-        tension: (3,) in joint units [Nm, Nm, N].
-
-    Returns:
-        (3,) [Nm, Nm, N].
+        coupling, tension: c01, c02, c12; (3,) in joint units [Nm, Nm, N].
     """
     return (
         tension[0] + coupling[0] * tension[1] + coupling[1] * tension[2],
@@ -137,10 +129,8 @@ def maxwell_step(slow_stretch: float, stretch: float, step: float, time_constant
     """Return the relaxed stretch of a Maxwell branch after a step: ds_v/dt = (s - s_v) / time_constant.
 
     Args:
-        slow_stretch: s_v before [rad or m].
-        stretch: s [rad or m].
-        step: Duration [s].
-        time_constant: [s].
+        slow_stretch, stretch: s_v before, and s [rad or m].
+        step, time_constant: Duration, and time constant [s].
     """
     return slow_stretch + (stretch - slow_stretch) * step / time_constant
 
@@ -154,13 +144,11 @@ def set_rate(
     d(set)/dt = rate (1/2 + side T / T_ref) |dq/dt| (1 - |set| / most): with travel, faster under tension, saturating.
 
     Args:
-        tension: T [Nm or N].
-        reference: T_ref [Nm or N].
+        tension, reference: T and T_ref [Nm or N].
         side: 1 or -1, direction in which the cable is laid.
         speed: |dq/dt| of the joint.
-        slack: Set so far [rad or m].
+        slack, most: Set so far, and largest set [rad or m].
         rate: Set per travel, initially.
-        most: Largest set [rad or m].
     """
     return rate * (0.5 + side * tension / reference) * speed * (1.0 - abs(slack) / most)
 
@@ -195,11 +183,10 @@ def wander_step(slack: float, number: float, way: float, wander: float, most: fl
     Var(d set) = wander^2 |way|, independent of speed, less as the set nears `most`.
 
     Args:
-        slack: Set so far [rad or m].
         number: Random number from `next_draw`.
         way: Travel of the joint [rad or m].
         wander: [rad or m per square root of travel].
-        most: Largest set [rad or m].
+        slack, most: Set so far, and largest set [rad or m].
     """
     kick = 3.4641016151377544 * (number / RANDOM_MODULUS - 0.5)  # of variance 1
     return slack + wander * math.sqrt(abs(way)) * kick * max(0.0, 1.0 - abs(slack) / most)

@@ -27,8 +27,7 @@ def coulomb(velocity: float, most: float) -> float:
     """Return the velocity after friction, which reduces its magnitude; zero if friction stops it.
 
     Args:
-        velocity: Velocity before.
-        most: Largest reduction.
+        velocity, most: Velocity before, and its largest reduction.
     """
     if velocity > most:
         return velocity - most
@@ -44,10 +43,9 @@ def dragged(force: float, moved: float, stiffness: float, most: float) -> float:
     Equals `coupled_friction` with one element on one joint.
 
     Args:
-        force: Before the motion [Nm or N].
         moved: Motion [rad or m].
         stiffness: [Nm/rad or N/m].
-        most: Force at which it slips [Nm or N].
+        force, most: Force before the motion, and force at which it slips [Nm or N].
     """
     return min(max(force + stiffness * moved, -most), most)
 
@@ -130,9 +128,7 @@ def lag_of(joint: int, lever: Floats, forces: Floats) -> float:
     """Return z - x of a joint under the friction elements' forces.
 
     Args:
-        joint: Index of the joint.
-        lever: C A' (n, m).
-        forces: (m,) of the elements.
+        joint, lever, forces: Index of the joint; C A' (n, m); (m,) of the elements.
     """
     lag = 0.0
     for k in range(len(forces)):

@@ -246,9 +246,6 @@ def verdict(
         accept: Names of findings to continue despite.
         testing: The recordings are tests, which may be short.
         done: Verb for messages.
-
-    Raises:
-        DataError: A finding is not accepted.
     """
     require_names(accept)
     how: dict[str, Any] = {"robot": robot, "max_error": max_error, "trained": trained, "alone": False}

@@ -105,7 +105,6 @@ def correspondence_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding
 
 
 def _copied(pairs: Pairs) -> Iterator[Finding]:
-    """Find measurements that are their own commands."""
     same = np.abs(pairs.m - pairs.q) <= _SINGLE_PRECISION * np.abs(pairs.q)
     joints = np.flatnonzero(pairs.moved & (same.mean(axis=0) > _COPIED_SHARE))
     if len(joints):

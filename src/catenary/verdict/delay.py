@@ -87,7 +87,6 @@ class Delay:
         return self.seconds - self.rate[0] * self.middle
 
     def __str__(self) -> str:
-        """Return the delay and its uncertainty as text."""
         between = f"any between {self.low:+.3f} and {self.high:+.3f} {self.unit}"
         if self.sure == "unknown":
             return "the delay of measurements is not known: too few rows in motion"
@@ -210,8 +209,6 @@ def _unbroken(t: Floats, step: float, about: float, reach: float) -> Flags:
 
 
 class _Motion(NamedTuple):
-    """Motion shared by all joints' fits."""
-
     q: Floats  # (N, n) commands [deg, mm]
     t: Floats  # (N,) rising [s], or rows
     moved: list[int]  # joints that move
@@ -353,12 +350,10 @@ class _Clocks:
         return middle, (change, change + low, change + high)
 
     def interval(self, delay: float, change: float) -> tuple[float, float]:
-        """Return the interval of a changing delay."""
         low, high = self._around(lambda aside: self.cost(delay + aside, change))
         return delay + low, delay + high
 
     def _descent(self, delay: float, change: float, reach: float) -> tuple[float, float, float]:
-        """Return the least cost near a start, with its delay and change."""
         width = reach
         for turn in range(_DESCENTS):
             most = MAX_EXPLAINED_ROWS if turn > 1 else _SCANNED_ROWS

@@ -13,7 +13,6 @@ class FindingKind:
 
     Args:
         name: That `--accept` takes, and messages name.
-        words: What it is about.
         learning: Only recordings that are learnt from must be without it: a test does well with it.
     """
 
@@ -97,9 +96,6 @@ def judge(findings: Sequence[tuple[str, Finding]], accept: Collection[str] = (),
         findings: Pairs of a recording's name and a finding.
         accept: Names of findings to continue despite.
         done: What is done with the recordings, for messages.
-
-    Raises:
-        DataError: A finding is not accepted.
     """
     require_names(accept)
     refused = [(where, finding) for where, finding in findings if finding.refuses and finding.name not in accept]

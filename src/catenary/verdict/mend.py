@@ -74,7 +74,6 @@ class Mend:
         return replace(log, notes=(*log.notes, *said), settled=settled) if said else log
 
     def _steps(self) -> list[tuple[str, str]]:
-        """Return every step with its text."""
         given = {step: getattr(self, step) for step in _STEPS}
         given |= {
             "delay": (f"{self.delay:g}",) * bool(self.delay),

@@ -46,14 +46,10 @@ def slack_of(command: Floats, measured: Floats) -> float:
 
 @compiled
 def play(command: Floats, radius: float) -> Floats:
-    """Return the position of a joint whose motor moves freely within a play.
+    """Return the position (N,) of a joint whose motor moves freely within a play.
 
     Args:
-        command: Positions of the motor (N,).
-        radius: Half-width of the play.
-
-    Returns:
-        (N,).
+        command, radius: Positions of the motor (N,), and half-width of the play.
     """
     joint = command.copy()
     for row in range(1, len(joint)):

@@ -21,7 +21,6 @@ def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
     """Return findings about stamps that repeat, are shuffled, or are not in s.
 
     Args:
-        log: The recording.
         in_si: Whether positions are in SI, so that speeds can tell the unit of time.
     """
     if log.time is None:

@@ -23,8 +23,7 @@ def unwrapped(values: Floats, turn: float) -> tuple[Floats, int]:
     """Return values without jumps from one end of a turn to the other, and the number of jumps.
 
     Args:
-        values: (M,); NaN stays.
-        turn: Length of a turn.
+        values, turn: (M,), of which NaN stays; length of a turn.
     """
     found = values.copy()
     finite = np.isfinite(values)
@@ -43,7 +42,6 @@ def turned_back(log: MotionLog, model: RobotModel | None = None) -> MotionLog:
     """Return a log whose angles do not jump by a turn, within the robot's limits if it is known; its notes say so.
 
     Args:
-        log: The recording.
         model: Robot, if known.
     """
     found: dict[str, Floats] = {}
@@ -73,18 +71,11 @@ def in_one_turn(
     model: RobotModel | None,
     jumped: Collection[str],
 ) -> tuple[Floats, Floats | None, list[str]]:
-    """Bring measurements into the commands' turn, and jumping joints into the robot's limits, by whole turns.
+    """Bring measurements to the commands' turn, jumping joints into limits, by whole turns; return them with notes.
 
     Args:
-        q_nominal: Commands (N, n) [rad|m].
-        q_encoder: Measurements (N, n), if any.
+        q_nominal, q_encoder: Commands, and measurements if any, (N, n) [rad|m].
         units: "rad" or "m" of each joint.
-        names: Names of the joints.
-        model: Robot, if known.
-        jumped: Joints that jumped.
-
-    Returns:
-        Commands, measurements, and notes.
     """
     q, measured = q_nominal.copy(), None if q_encoder is None else q_encoder.copy()
     notes = []

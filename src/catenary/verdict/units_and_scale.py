@@ -105,8 +105,6 @@ def limits_of(log: MotionLog, robot: RobotModel | None, largest: dict[str, float
     """Return the plausible range of positions (n,) [rad|m]: the robot's limits by joint name, and a margin.
 
     Args:
-        log: The recording.
-        robot: Robot, if known.
         largest: Largest position by unit, for joints without limits.
     """
     high = np.array([largest[unit] for unit in log.joint_units])
@@ -175,7 +173,6 @@ def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Fin
     """Return findings about positions far beyond those trained on that are within them in another unit.
 
     Args:
-        log: The recording.
         trained: Lowest and highest positions in training (n,) [rad|m]; infinite if unknown.
     """
     low, high = trained

@@ -30,7 +30,6 @@ class PageProcess:
     """Process of a page, as a context manager; its `url` is valid before `open` sets the content."""
 
     def __init__(self, *, port: int = _FIRST_PORT) -> None:
-        """Set the port of 127.0.0.1, or the next free one."""
         if not 1024 <= port <= 65535:
             raise InputError(f"--port: expected 1024 to 65535, got {port}")
         if find_spec("viser") is None:
@@ -110,7 +109,6 @@ class PageProcess:
 
 
 def _run_page(pipe: Connection, port: int) -> None:
-    """Draw received states until the other side ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is handled by the parent, which ends this process
     sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # viser prints a box
     lock = threading.Lock()

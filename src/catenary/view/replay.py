@@ -74,9 +74,6 @@ def recorded_arm(log: MotionLog, robot: RobotModel, model: CalibrationModel | No
         log: Recording with time.
         robot: Robot with some of its joints; the others are at zero.
         model: Calibration model of some joints, if any.
-
-    Raises:
-        InputError: The recording has no time, or no joint of the robot.
     """
     if log.time is None:
         raise InputError(f'recording "{log.name}": has no time; it cannot be shown')
@@ -124,11 +121,7 @@ def shown_project(folder: Path) -> tuple[Path, Path | None, str | None]:
 
 
 class Replay:
-    """Player of a recording; it starts playing at the first row.
-
-    Args:
-        shapes: Meshes; tubes by the arm's kinematics when None.
-    """
+    """Player of a recording, from its first row on; the arm's links are tubes where `shapes` is None."""
 
     def __init__(self, arm: RecordedArm, shapes: ArmShapes | None = None) -> None:
         self._arm, self._time = arm, arm.rows["time"]
@@ -208,11 +201,7 @@ class WatchedArm:
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Set the robot, in any state.
-
-        Args:
-            model: File of a calibration model.
-        """
+        """Set the robot, in any state, and the model that corrects it, if any."""
         self._robot, self._shapes, self._model, self._clock = robot, shapes, model, clock
 
     def shown(self, title: str) -> PageContent:

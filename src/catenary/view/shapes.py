@@ -107,8 +107,7 @@ def arm_length(model: RobotModel) -> float:
     return max(tip, float(reach.max(initial=0.0)), 1e-3)
 
 
-def _travel(model: RobotModel, link: int) -> tuple[float, float]:
-    """Return the range of a tree coordinate [rad|m]."""
+def _travel(model: RobotModel, link: int) -> tuple[float, float]:  # [rad|m]
     row = model.coupling[link]
     with np.errstate(invalid="ignore"):
         ends = np.array([row * model.lower, row * model.upper])
@@ -120,7 +119,6 @@ def _travel(model: RobotModel, link: int) -> tuple[float, float]:
 
 
 def _draw_way(model: RobotModel, parts: _Parts, link: int, child: int, radius: float, near: float) -> None:
-    """Draw a link between its own joint and that of a child."""
     tree = model.tree
     origin = tree.origin[child]
     if tree.prismatic[child]:
@@ -167,19 +165,15 @@ def _draw_spherical(model: RobotModel, parts: _Parts, joints: list[int], radius:
 
 
 def _point(radius: float) -> Mesh:
-    """Return the mesh of a link without extent."""
     along = np.array([0.0, 0.0, 0.1 * radius])
     return bar(-along, along, _TIP_RADIUS * radius)
 
 
 def shapes_of(source: str, model: RobotModel) -> tuple[ArmShapes, str | None]:
-    """Return an arm's meshes by its file, or tubes, and the reason for tubes.
+    """Return an arm's meshes by its file, or tubes, and the reason why the file's cannot be drawn, if any.
 
     Args:
         source: Name or file of the robot.
-
-    Returns:
-        Shapes, and the reason why a file's shapes cannot be drawn; None otherwise.
     """
     tubes = arm_shapes(model)
     if source in robot_names():

@@ -133,22 +133,12 @@ def numbers(values: Floats | None, n: int) -> Floats:
 
 
 def joints_by_arm(shot: Snapshot, n: int) -> dict[str, Floats]:
-    """Return the joint positions of the reported, calibrated and true arm, by name of `ARMS`.
-
-    Args:
-        shot: State of the robot.
-        n: Number of joints to return, the first ones [rad|m].
-    """
+    """Return the first n joint positions [rad|m] of the reported, calibrated and true arm, by name of `ARMS`."""
     return {name: numbers(q, n) for name, q in zip(ARMS, (shot.q, shot.calibrated, shot.true), strict=True)}
 
 
 def scene_of_robot(model: RobotModel, shot: Snapshot) -> Scene:
-    """Return the scene of a robot whose first joints are the model's.
-
-    Args:
-        model: The model.
-        shot: State of the robot.
-    """
+    """Return the scene of a robot whose first joints are the model's."""
     known = {name: q for name, q in joints_by_arm(shot, model.n).items() if np.isfinite(q).all()}
     arms = {}
     if known:

@@ -166,7 +166,6 @@ class Surroundings:
     """Base, payload, sensor, friction and wear of a simulated arm; a GravitySource by a sensor on its base."""
 
     def __init__(self, arm: SimulatedArm) -> None:
-        """Set the arm, on a SteeredBase."""
         plant = arm.plant
         self.plant = cast(CablePlant | MujocoPlant, plant.arm if isinstance(plant, PositioningArm) else plant)
         self.has_cables = isinstance(self.plant, CablePlant)
@@ -295,9 +294,7 @@ class DrivenArm:
 
         Args:
             robot: Name or file of a robot with inertia.
-            model: Calibration model, if any.
             seed: Draws a random arm; None for the nominal one.
-            rng: Source of randomness of its motions.
             real_time: Pace ticks in real time; as fast as possible otherwise.
         """
         self.arm: SimulatedArm = simulated_arm(robot, base=SteeredBase(), seed=seed)
@@ -479,14 +476,12 @@ class DrivenArm:
             raise LeaveLoop(_ENABLE)
 
     def _change_level(self, level: str) -> None:
-        """Leave the loop, which pauses the arm, or change the level at once."""
         if not self._plant.operating_state().is_ready:
             self._reach_level(level)
         elif level != _ENABLE:
             raise LeaveLoop(level)
 
     def _reach_level(self, level: str) -> None:
-        """Request the level from the robot: enable or home it, or leave it paused."""
         state = self._plant.operating_state().state
         if level in (_ENABLE, _HOME) and state != "ENABLED":
             self._plant.state_command("resume" if state == "PAUSED" else "enable")

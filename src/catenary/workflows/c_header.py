@@ -259,12 +259,10 @@ def _kind(array: NDArray[Any]) -> str:
 
 
 def _items(array: NDArray[Any]) -> str:
-    """Return the initialiser of an array."""
     items = ["NAN" if value != value else repr(value) for value in (array + 0).ravel().tolist()] or ["0"]
     return "{" + ",\n    ".join(", ".join(items[k : k + 8]) for k in range(0, len(items), 8)) + "}"
 
 
 def _declared(name: str, array: NDArray[Any], *, is_constant: bool) -> str:
-    """Return the declaration of a constant, or of working memory."""
     declaration = f"{_kind(array)} {name}[{max(1, array.size)}]"
     return f"  static const {declaration} = {_items(array)};" if is_constant else f"  {declaration};"

@@ -43,15 +43,9 @@ def fit_calibration(
     """Fit a calibration model to files of recordings; see `fit_logs`. Long ones stay on disk meanwhile.
 
     Args:
-        paths: Recordings.
-        options: Model to fit.
         run: Rows that the fit sees, and its tests; all rows when None.
         reading: Mapping and corrections of the recordings.
         progress: Called with the share done, 0 to 1.
-
-    Raises:
-        DataError: Something is wrong with the recordings.
-        FileFormatError: A recording is missing or damaged.
     """
     return fit_logs(read_to_fit(paths, reading), options, run, progress=progress)
 
@@ -157,16 +151,10 @@ def held_against(
     """Read a model and recordings to evaluate it on; names and units that a recording lacks are the model's.
 
     Args:
-        model_path: The model.
-        paths: Recordings.
         reading: Mapping and corrections of the recordings.
         accept: Names of findings to continue despite.
         max_error: Rows with larger errors are left out, per joint in deg and mm; as in the model's fit when None.
         own: Class or function of a model of your own, "module:name".
-
-    Raises:
-        DataError: Something is wrong with the recordings.
-        FileFormatError: A file is missing or damaged.
     """
     model, card = load_model(model_path, own)
     logs = recordings_for(model, paths, reading)
@@ -192,10 +180,6 @@ def recording_for(model: CalibrationModel | MotionLog | None, path: Path, readin
         model: Model, or recording that a model is fitted to, whose joint names and units hold where the recording
             states none; the recording alone when None.
         path, reading: The recording, and its mapping and corrections.
-
-    Raises:
-        FileFormatError: The file is missing or damaged.
-        InputError: Its joints are others.
     """
     reading = reading if reading is not None else Reading()
     if model is None:
@@ -260,7 +244,6 @@ def drift_summary(found: DriftFound, notes: Sequence[str] = ()) -> dict[str, Any
     """Return a drift report as plain data, errors in deg and mm.
 
     Args:
-        found: The report.
         notes: Further sentences.
     """
     return {

@@ -240,7 +240,6 @@ def recording_report(
 
 
 def _units(log: MotionLog) -> str:
-    """Return the source of a recording's units."""
     given = [text for key, texts in log.settled.items() if key.startswith("units") for text in texts]
     if given:
         return f"made of what --units says ({'; '.join(given)})"

@@ -98,16 +98,9 @@ def design_excitation(
     """Design static poses or a motion that excite a robot's parameters, within limits and clear of obstacles.
 
     Args:
-        model: The robot.
-        room: Limits of position, velocity, acceleration and torque.
-        around: Obstacles and margins.
-        rng: Source of randomness.
         gravity: Free-fall acceleration in base axes (3,) [m/s2].
         static: Number of poses to hold; a motion when None.
         **shape: Period, harmonics, rate and trials of a motion (`fourier_motion`).
-
-    Raises:
-        LimitError: No motion was found that keeps all limits.
     """
     limits, notes = _limits(model, room, around, gravity, rng)
     if static is not None:
@@ -148,11 +141,8 @@ def write_motion(path: Path, joints: Jointed, time: Floats, q: Floats, qd: Float
     """Write a motion with `t`, `q`, `dq`, `ddq`, `joint_names` and `units` as .npz, or as .csv, by the file's suffix.
 
     Args:
-        path: The file.
-        joints: Names and units.
         time: Times (N,) [s].
-        q: Positions (N, n) [rad or m].
-        qd, qdd: Velocities and accelerations, as `q`.
+        q, qd, qdd: Positions [rad or m], velocities and accelerations, (N, n) each.
     """
     if path.suffix.lower() == ".csv":
         named = list(zip(joints.joint_names, joints.joint_units, strict=True))
@@ -172,9 +162,6 @@ def write_trajectory(design: Excitation, joint_names: Sequence[str], path: Path,
     """Write a motion as a trajectory_msgs/JointTrajectory: JSON, which is YAML too, a point on each line.
 
     Args:
-        design: The motion.
-        joint_names: Names of its joints.
-        path: The file.
         ros: Version of ROS, 1 or 2.
     """
     if design.terms == "static":

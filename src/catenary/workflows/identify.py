@@ -329,7 +329,6 @@ def _times(log: MotionLog, gains: Floats) -> MotionLog:
 
 
 def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
-    """Return notes on assumptions, doubts, and choices by held-out blocks."""
     options = result.options
     static = options.terms == "static"
     if not static and actuation_of(model).find_rotors:  # no table
@@ -387,7 +386,6 @@ def payload_of_files(
     """Estimate the payload of an identified arm from recordings, whose torques are checked for sign and unit first.
 
     Args:
-        logs: Recordings with the payload.
         model: Identification of the arm without it.
         at: Frame, and the payload's position in it (3,) [m], if known.
         unloaded: Recordings without the payload, of the same day.
@@ -407,8 +405,6 @@ def external_torques_of_file(log: Path, model: Path, *, unloaded: Sequence[Path]
     """Estimate the external torques on an arm's joints in a recording.
 
     Args:
-        log: The recording.
-        model: Identification of the arm.
         unloaded: Recordings without external torques, of the same day.
         **how: Mapping, corrections and accepted findings.
     """
@@ -491,17 +487,13 @@ WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")  # [N], [Nm] in the sensor's 
 def wrist_tool_of_file(
     path: Path, model: RobotModel, frame: str | None, gravity: ArrayLike, accept: Sequence[str] = ()
 ) -> tuple[WristTool, list[str]]:
-    """Identify a tool at a force/torque sensor from a table with a row for each pose at rest.
+    """Identify a tool at a force/torque sensor from a table with a row for each pose at rest; with notes on findings.
 
     Args:
         path: Table with columns of the joints by name [rad|m], and `WRENCH_AXES` [N, Nm].
-        model: The arm.
         frame: Frame that carries the sensor; the tip when None.
         gravity: Free-fall acceleration in base axes (3,) [m/s2].
         accept: Names of findings to continue despite.
-
-    Returns:
-        The tool, and notes on accepted findings.
     """
     rows = read_rows(path, (*model.joint_names, *WRENCH_AXES))
     q, force, torque = np.split(rows, [model.n, model.n + 3], axis=1)

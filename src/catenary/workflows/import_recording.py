@@ -112,9 +112,7 @@ def import_to_file(
 
     Args:
         out: Motion log to write (.parquet).
-        sources: Files of the recording.
         mapping: Columns of each quantity, as of `import_recording`.
-        robot: Catalogue name or file.
         **how: Further arguments of `import_recording`; `progress` is called with the share of a file that was read.
     """
     opened = _opened(sources, mapping, robot=robot, **how)
@@ -183,7 +181,6 @@ def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | No
     """Return the name of a file's layout if it needs no mapping, else None.
 
     Args:
-        paths: Files of one recording.
         robot: Catalogue name or file.
     """
     found = layout_of_files(paths)

@@ -75,7 +75,6 @@ def simulated_feed(sensor: SimulatedSensor, *, paced: bool = False) -> Feed:
     """Return the samples of a simulated sensor.
 
     Args:
-        sensor: The sensor.
         paced: Whether they come in real time; otherwise in the sensor's own.
     """
     return Feed(sensor.mailbox, sensor.model.has_gyroscope, deliver=sensor.advance, paced=paced)
@@ -151,8 +150,6 @@ def watch(
     """Read a gravity source every 5 ms, and summarise.
 
     Args:
-        feed: Samples.
-        source: Estimator of gravity.
         duration: Time [s]; infinity runs until Ctrl-C.
         show: Called with each reading and the time since the start [s].
     """
@@ -205,12 +202,8 @@ def read_still(feed: Feed, *, seconds: float = 1.0, patience: float = 20.0) -> S
     """Wait until a sensor is still, and return its mean readings.
 
     Args:
-        feed: Samples.
         seconds: Time that it must be still [s].
-        patience: Longest wait [s].
-
-    Raises:
-        SensorError: It was not still in that time.
+        patience: Longest wait [s], then SensorError.
     """
     _take_all(feed)  # from before
     begin, noise = feed.now(), np.full(3, np.nan)
@@ -353,7 +346,6 @@ def simulated_reader(model: SensorModel, *, seed: int = 0) -> Callable[[Attitude
 
     Args:
         model: Errors and noise of the sensor.
-        seed: Seed of the noise.
     """
 
     def read(attitude: Attitude) -> StillReading:
@@ -408,18 +400,13 @@ def up_of_tilts(tilts_deg: ArrayLike) -> Floats:
 
 
 def read_orientations(path: Path, model: RobotModel | None = None, frame: str | None = None) -> Floats:
-    """Read a table of a resting sensor's orientations.
+    """Read a resting sensor's orientations from a table: direction of up in the sensor's base (N, 3).
 
     It has columns roll_deg and pitch_deg of the whole robot, or the joints [rad|m] by name of the arm, on a level base,
     that carries the sensor.
 
     Args:
-        path: The table.
-        model: The arm.
         frame: Frame that carries the sensor; the tip when None.
-
-    Returns:
-        Direction of up in the sensor's base (N, 3).
     """
     if model is None:
         return up_of_tilts(read_rows(path, ("roll_deg", "pitch_deg")))
@@ -430,7 +417,6 @@ def calibrate_replay(recording: ImuRecording, up: Floats, *, start: Mounting = _
     """Calibrate mounting and bias of a recorded sensor that rested, a second or more each, in known orientations.
 
     Args:
-        recording: Samples.
         up: Direction of up in each orientation, in order (N, 3).
         start: What is known beforehand: position, ranges, name.
     """

@@ -200,12 +200,9 @@ def base_sensor(
     """Return a simulated inertial unit, 200 Hz, on a base, and its mounting.
 
     Args:
-        base: Motion of the base.
         start: Plant time at which it begins [s].
         bias: Accelerometer bias (3,) [m/s2] that calibration left and the mounting does not know.
         noise: Standard deviation of a reading's axis [m/s2]; an MPU-6050's when None.
-        fault: Fault to inject.
-        seed: Seed of the noise.
         at: Robot and its frame that carries the sensor; the base's origin when None.
     """
     model = SensorModel()
@@ -255,12 +252,8 @@ def make_motion(
     Args:
         name: "cartesian": the paper's sinusoids of the tip; "random": each joint independently over half of its range;
             "poses": rests at `POSES` positions along the first joint's range, the others at `q_start`.
-        model: The arm.
-        limits: Joint limits.
-        rng: Source of randomness.
         q_start: Start (n,) [rad|m]; `RAVEN_START`, or the middle of the range, when None.
-        amplitude: Amplitude of the sinusoids [m].
-        axes: Axes of the base along which they move.
+        amplitude, axes: Amplitude of the sinusoids [m], and axes of the base along which they move.
         seconds: Duration of a random motion [s].
     """
     if name not in MOTIONS:
@@ -298,8 +291,6 @@ def start_pose(model: RobotModel, limits: Bounded, raven: tuple[float, ...] = RA
     """Return the start of an arm (n,) [rad|m]: a RAVEN-II's own, the middle of the ranges of others.
 
     Args:
-        model: The arm.
-        limits: Joint limits.
         raven: Start of a RAVEN-II [rad, rad, m].
     """
     if model.closed_form == "raven2" and model.n == len(raven):
@@ -323,20 +314,13 @@ def track(
 ) -> Tracking:
     """Bring an arm to a motion's start, let it settle, and follow the motion, all with the same controller.
 
-    All is measured at the motors, as in the paper.
+    All is measured at the motors, as in the paper. A motion beyond the limits, or of other joints, moves nothing.
 
     Args:
-        arm: The simulated arm.
-        controller: The controller.
-        trajectory: The motion.
         settle: Time at the start [s].
         windows: Times of the motion that count in the measures, from and to [s]; all when None.
         gravity: Source of gravity; the plant's own when None.
         observers: Called with the motion's ticks.
-
-    Raises:
-        LimitError: The motion leaves the joint limits; nothing has moved.
-        InputError: The motion is of other joints, or a window lies outside it.
     """
     plant = arm.plant
     check_motion(plant, trajectory)
@@ -406,15 +390,10 @@ def hold_arm(
     """Place an arm by PD and sensed gravity, then let the controller alone hold it.
 
     Args:
-        arm: The simulated arm.
-        controller: The controller.
-        q: Positions (n,) [rad|m].
+        q: Positions (n,) [rad|m]; outside the joint limits LimitError, and nothing has moved.
         seconds: Time to hold [s].
         gravity: Source of gravity; the plant's own when None.
         calibrated: Whether the controller sees true joint positions; as the robot reports them otherwise.
-
-    Raises:
-        LimitError: `q` is outside the joint limits; nothing has moved.
     """
     plant = arm.plant
     pose = as_array("q", q, (arm.model.n,))

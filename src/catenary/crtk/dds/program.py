@@ -223,7 +223,6 @@ def _interfaces(said: str) -> tuple[str, ...]:
 
 
 def _settings(interfaces: str) -> str:
-    """Return Cyclone DDS's settings for whom to hear."""
     wide = _range()
     found = f"<Internal><MaxSampleSize>{_MESSAGE_BYTES} B</MaxSampleSize></Internal>"
     found += f"<Compatibility><IgnoreTypeInformation>{_FAST_DDS}</IgnoreTypeInformation></Compatibility>"
@@ -246,7 +245,6 @@ def _settings(interfaces: str) -> str:
 
 
 def _reaches_others() -> bool:
-    """Return True if programs of other machines are discovered."""
     return _range() == "SUBNET" or (_range() == "LOCALHOST" and bool(_peers()))
 
 
@@ -261,7 +259,6 @@ def _range() -> str:
 
 
 def _peers() -> list[str]:
-    """Return the addresses that ROS_STATIC_PEERS lists."""
     found = [peer.strip() for peer in os.environ.get("ROS_STATIC_PEERS", "").split(";") if peer.strip()]
     for peer in found:
         if any(character in "<>&\"'" or character.isspace() for character in peer):

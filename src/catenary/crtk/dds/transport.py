@@ -107,7 +107,6 @@ class ListenedTopic(HeardTopic):
 
 
 def _asked_of(publisher: Endpoint) -> Quality:
-    """Return the quality of service to request of a publisher: the one it offers."""
     offered = publisher.quality
     return Quality(is_latched=offered.is_latched) if offered.is_reliable else Quality(is_reliable=False)
 
@@ -182,7 +181,6 @@ class DdsTransport(Transport):
         wait_until_settled(lambda: self.program.directory.changes, settle)
 
     def _come(self, end: Endpoint) -> None:
-        """Listen to a publisher that has come."""
         for topic in tuple(self._heard.values()):
             if isinstance(topic, ListenedTopic):
                 topic.hear(end)

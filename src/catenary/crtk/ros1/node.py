@@ -70,7 +70,6 @@ class Node:
     """This process's node: its topics and services, and what it knows of its master."""
 
     def __init__(self, name: str, uri: str) -> None:
-        """Start it; see `node`."""
         caller = f"{os.environ.get('ROS_NAMESPACE', '').rstrip('/')}/{name}"
         self.name = caller if caller.startswith("/") else f"/{caller}"
         self.master = Master(uri, self.name)

@@ -148,7 +148,6 @@ class _Peer:
         return sent
 
     def _drain(self) -> None:
-        """Send what waits until nothing does, or the connection has ended."""
         try:
             while True:
                 select.select([], [self.connection.socket], [], _LOOK)

@@ -62,7 +62,6 @@ class CommandSource:
         self.heard: dict[str, int] = {}  # by `Arrival.process`, when its newest came [ns], of all that were taken last
 
     def __len__(self) -> int:
-        """Return the number of waiting commands."""
         return len(self._subscription)
 
     def forget(self) -> int:

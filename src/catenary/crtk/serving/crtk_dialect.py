@@ -77,7 +77,6 @@ def _desired_state(arm: ServedArm) -> str:
 
 
 def _current_state(arm: ServedArm) -> str:
-    """Return the state that it is in, in the dVRK's words."""
     state = arm.state
     if state.state != "ENABLED" or not (state.is_homed or state.is_busy):
         return state.state
@@ -321,7 +320,6 @@ class CrtkDialect(Dialect):
 
 
 def _has(arm: ServedArm, verb: str) -> bool:
-    """Return True if an arm has the command of a verb."""
     if is_dvrks(verb):
         return is_dvrks(verb, arm.dvrk) and arm.dvrk != ""
     if verb == "jaw/servo_jf":
@@ -409,7 +407,6 @@ def _servo_jp(arm: ServedArm, message: Message) -> None:
 
 
 def _require_near(arm: ServedArm, q: Floats) -> None:
-    """Refuse joint positions (n,) that are far from the setpoint."""
     for name, unit, way in zip(arm.reported, arm.plant.joint_units, q - arm.setpoint.q, strict=False):
         if abs(way) > _SERVO_REACH[unit]:
             raise InputError(

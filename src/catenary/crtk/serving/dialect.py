@@ -63,7 +63,6 @@ class Dialect:
         published: Mapping[str, MakeMessage],
         obeyed: Mapping[str, Obey],
     ) -> None:
-        """Speak for arms, over topics."""
         self.arms, self.topics = arms, topics
         self._published, self._obeyed = published, obeyed
         self._publishers: list[tuple[LazyPublisher, MakeMessage, ServedArm]] = []  # none before `begin`

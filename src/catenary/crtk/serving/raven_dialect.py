@@ -34,7 +34,6 @@ class RavenState:
     """Makes the message of arms of seven joints; what an arm does not know is zero, as the robot sends it."""
 
     def __init__(self, arms: Mapping[str, ServedArm], period: float) -> None:
-        """Prepare; `period` [s] of a tick."""
         self._arms = arms
         self._channels = {name: np.array(CHANNELS[name]) for name in arms}
         self._moving = [arm for arm in arms.values() if arm.machine.can_change]

@@ -61,8 +61,6 @@ class ArmSettings:
 
 
 class _Push(NamedTuple):
-    """Commanded torques."""
-
     torques: Callable[[], Floats]  # (n,) of this tick, NaN for a joint that holds its setpoint
     until: float  # tick at which they expire
 
@@ -281,8 +279,7 @@ class ServedArm:
         self._was_moving = is_moving
         self.state: OperatingState = state._replace(is_busy=True) if is_moving and state.state == "ENABLED" else state
 
-    def _beyond_weight(self) -> Floats:
-        """Return the measured joint torques (n,) less the arm's gravity torques."""
+    def _beyond_weight(self) -> Floats:  # (n,), measured, less the arm's gravity torques
         measured = self.measured
         return measured.tau - self.gravity_torque(measured.q, measured.gravity)
 

@@ -84,7 +84,6 @@ class ServedEncoders:
     """Publishes `joint_enc`, and `ext_jpos` [rad, rad, m] while it is known; or what a tracker sees of joints."""
 
     def __init__(self, transport: Transport, plant: Plant, topics: Sequence[Topic]) -> None:
-        """Begin to publish what a plant's telemetry holds, over topics."""
         self._plant = plant
         self.publishers = tuple(
             LazyPublisher(transport, CrtkTopic(topic.name, JOINT_STATE, "out", topic.columns[0].name))
@@ -126,7 +125,6 @@ class _Periods:
         self.reported: tuple[float, ...] | None = None  # of the last whole second, in the message's order
 
     def add(self, began: float, took: float) -> None:
-        """Add a tick."""
         self._ticks.append((began, took))
         if began - self._ticks[0][0] < 1.0:
             return
@@ -337,7 +335,6 @@ class Server:
             self._refuse(topic, str(error) if isinstance(error, CatenaryError) else repr(error), now)
 
     def _arms_of(self, topic: CrtkTopic) -> tuple[ServedArm, ...]:
-        """Return the arms that a topic's commands move."""
         return tuple(self.arms.values()) if topic.arm is None else (self.arms[topic.arm],)
 
     def _forget_others(self, arm: ServedArm, now: int) -> None:
@@ -349,7 +346,6 @@ class Server:
                 self._forget(source, now)
 
     def _forget(self, source: CommandSource, now: int) -> None:
-        """Drop what waits of a topic."""
         arm = self._arms_of(source.topic)[0]
         why = "not obeyed: what came after it stopped the arm" if arm.is_ready else why_not_obeyed(arm.state)
         dropped = source.forget()
@@ -373,7 +369,6 @@ class Server:
             self.reports.say("robot: paused", other, now, to=tuple(self.arms))
 
     def _pause_abandoned(self, arm: ServedArm, commander: Commander, now: int) -> None:
-        """Pause an arm whose commander has gone in the middle of a motion."""
         if not arm.is_ready:
             commander.forget(now)
             return

@@ -159,15 +159,7 @@ class FrameOfForces(Enum):
 
 
 def force_jacobian(tool: ToolState, frame: FrameOfForces) -> Floats:
-    """Return the Jacobian at the measured joints: velocity over angular velocity, per joint speed.
-
-    Args:
-        tool: Pose and Jacobian of the tool.
-        frame: Frame that forces are expressed in.
-
-    Returns:
-        (6, n).
-    """
+    """Return the Jacobian (6, n) at the measured joints in a frame: velocity over angular velocity, per joint speed."""
     if frame is FrameOfForces.TOOL_IN_BASE_AXES:
         return tool.jacobian
     return _twist_map(tool.pose, frame) @ tool.jacobian

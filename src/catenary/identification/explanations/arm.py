@@ -58,7 +58,6 @@ def _with_shared_drive(model: RobotModel, i: int, j: int, sign: float) -> RobotM
 
 
 def _carried_body(model: RobotModel, link: int, body: Floats) -> CarriedBody:
-    """Return a body (10,) of a link as one on the tip, or in the link's own frame."""
     tip = model.frame()
     name, pose = (model.tip, tip.pose) if tip.link == link else (model.link_names[link], None)
     place = body[1:4] / body[0]

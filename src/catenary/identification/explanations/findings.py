@@ -36,7 +36,6 @@ def torque_findings(model: RobotModel, samples: Samples, settled: Collection[str
 
     Args:
         model: The robot, its actuation as its file has it.
-        samples: The recording, filtered.
         settled: Hypotheses that are left out, such as `GAINS` of currents whose gains were just found.
 
     Returns:
@@ -51,7 +50,6 @@ def explained_torques(
     """Return the findings of `torque_findings` with the evidence and hypotheses that they come from.
 
     Args:
-        model, samples: The robot, and filtered rows of one recording.
         settled: Names of hypotheses that are excluded.
     """
     evidence = Evidence(model, samples)
@@ -81,7 +79,6 @@ def _told(evidence: Evidence, explanation: ExplainedRecording) -> list[Finding]:
 
 
 def _finding(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) -> Finding:
-    """Return one cause as a finding."""
     hypothesis, candidate = cause.hypothesis, cause.candidate
     names = tuple(evidence.model.joint_names[i] for i in candidate.joints)
     says = f"{candidate.says}{_of_load(evidence, explanation, cause)}; log evidence +{cause.gain:.0f}"
@@ -100,7 +97,6 @@ def _finding(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
 
 
 def _rivals(cause: Cause) -> str:
-    """Return the causes that explain the recording nearly as well."""
     rivals = [f"{candidate.says} (-{less:.1f})" for less, _, candidate in cause.rivals]
     return f"; nearly as likely: {'; '.join(rivals)}" if rivals else ""
 
@@ -111,7 +107,6 @@ def _option(evidence: Evidence, remedy: str) -> str:
 
 
 def _of_load(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) -> str:
-    """Return the mass of the body that a cause supposes, if it supposes one."""
     if cause.hypothesis.name != "load":
         return ""
     body, std = load_body(evidence, explanation.supposed, cause.candidate.supposed.loads[-1])
@@ -142,16 +137,12 @@ def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
 
 
 def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | None = None) -> list[tuple[str, Finding]]:
-    """Return the findings about each of several recordings, judged by the arm that the others show.
+    """Return (recording's name, finding) pairs about several recordings, judged by the arm that the others show.
 
     Each half of the recordings is judged by the other half.
 
     Args:
-        model, days: The robot, and filtered rows of each recording.
         belief: Prior of the arm's parameters; the file's when None.
-
-    Returns:
-        Pairs of a recording's name and a finding.
     """
     if len(days) < 2:
         evidences = [(day.name, Evidence(model, day, belief)) for day in days if belief is not None]

@@ -75,10 +75,8 @@ class Hypothesis:
     """A kind of explanation.
 
     Args:
-        name: Name of the explanation.
         finding: Name in `FINDINGS` under which it is reported.
         price: Function from the number of joints to the price of each candidate [nats].
-        candidates: Generator of candidates.
         of_arm: It is a property of the arm, reported as a note and not as a fault of the data.
         by_masses: It can be detected only with known masses, from a file or identified.
         mended: A remedy can correct it, so that it is a finding; otherwise it is a note.

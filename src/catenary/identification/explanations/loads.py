@@ -45,7 +45,6 @@ class Recording:
     """One recording of the arm."""
 
     def __init__(self, evidence: Evidence) -> None:
-        """Take what it shows of the arm."""
         self.evidence, samples = evidence, evidence.rows.samples
         rows, plain = evidence.rows, evidence.plain
         self.X = evidence.columns(plain)[0]
@@ -80,7 +79,6 @@ class Recording:
 
 
 def _alone(torque: Floats, joint: int, std: float) -> Extra:
-    """Return torques (N, n) of one joint as a column."""
     return Extra(np.where(np.arange(torque.shape[1]) == joint, torque, 0.0), 0.0, std)
 
 

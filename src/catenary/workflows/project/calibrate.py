@@ -82,7 +82,6 @@ def evaluation_motion(project: Project, seconds: float, number: int = 0) -> tupl
     """Return a random motion of a project's robot, and its description as plain data.
 
     Args:
-        project: The project.
         seconds: Duration [s].
         number: Number of the motion, which its seed depends on.
     """
@@ -101,7 +100,6 @@ def calibrate_robot(
     """Calibrate a project's robot: home, excite, record, extract, fit, evaluate and deploy, skipping finished steps.
 
     Args:
-        project: The project.
         robot: Connection to the robot; its simulated one when None.
         asked: Model to recommend; the learner when None.
         run: Rows that fits see, and their tests.
@@ -157,16 +155,10 @@ def calibrate_recordings(
     """Calibrate from recordings in place of a robot: judge all, fit every model to some, test it on others.
 
     Args:
-        project: The project.
-        train: Recordings to fit.
-        test: Recordings to test.
         reading: Mapping and corrections of the recordings.
         asked: Model to recommend; the learner when None.
         run: Rows that fits see, and their tests.
         progress: Returns the progress callback of a named step.
-
-    Raises:
-        DataError: Something is wrong with a recording.
     """
     if not train or not test:
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")

@@ -39,7 +39,6 @@ class FolderLock:
     """The lock of a folder: flock on a file that says who holds it, which the system frees when the process ends."""
 
     def __init__(self, folder: Path) -> None:
-        """Take nothing yet."""
         self.path = folder / LOCK
         self._descriptor: int | None = None
 
@@ -151,13 +150,7 @@ def missing(outputs: Sequence[Path]) -> list[Path]:
 
 
 def outputs_unchanged(folder: Path, outputs: Sequence[Path], described: Mapping[str, Mapping[str, Any]]) -> bool:
-    """Return True if files are as `describe` recorded them; same size and time are believed without hashing.
-
-    Args:
-        folder: Folder of the files.
-        outputs: Their paths.
-        described: Description of each by name.
-    """
+    """Return True if files are as `describe` recorded them; same size and time are believed without hashing."""
     there = {path.relative_to(folder).as_posix(): path for output in outputs for path in _files(output)}
     return there.keys() == described.keys() and all(_holds(path, described[name]) for name, path in there.items())
 

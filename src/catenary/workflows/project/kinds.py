@@ -109,7 +109,6 @@ def _then_random(path: Trajectory, seconds: float) -> Trajectory:
 
 
 def _raven(settings: ProjectSettings) -> ProjectKind:
-    """Return a RAVEN-II's left or right arm, trained on a zig-zag."""
     arm = ARM_OF_SIDE[settings.side]
     topics = raven_topics(arm, state_rate=settings.state_rate_hz)
 

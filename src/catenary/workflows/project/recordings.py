@@ -18,16 +18,12 @@ from catenary.workflows.project.robot import clear_folder
 
 
 def extract_recording(project: Project, name: str) -> bool:
-    """Synchronise recordings/NAME into a motion log, NAME.parquet.
+    """Synchronise recordings/NAME into a motion log, NAME.parquet; return whether it had to be done.
 
     Of a damaged recording the undamaged part is taken; the report, the log's notes and the step say so (`rescued`).
 
     Args:
-        project: The project.
         name: Name of the recording.
-
-    Returns:
-        Whether it had to be done.
     """
     path, report = motion_log_path(project, name), project.folder / f"{name}.synchronised.json"
     recording, step, files = project.folder / "recordings" / name, f"extract {name}", [path, report]
@@ -71,12 +67,7 @@ def write_bags(project: Project, name: str, kind: BagKind) -> list[Path]:
     """Write recordings/NAME as bags of RAVEN's group into bags/NAME, unless done; never over bags of others.
 
     Args:
-        project: The project.
-        name: Name of the recording.
         kind: Layout of the bags.
-
-    Returns:
-        Paths of the bags.
     """
     step, recording, folder = (f"bags {kind} {name}", project.folder / "recordings" / name, project.folder / "bags")
     files = [project.folder / written for written in project.outputs_of(step) or {}]
@@ -106,7 +97,6 @@ def motion_log_path(project: Project, name: str) -> Path:
     """Return the path of a recording's motion log.
 
     Args:
-        project: The project.
         name: Name of the recording.
     """
     return project.folder / f"{name}.parquet"

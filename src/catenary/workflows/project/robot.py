@@ -85,8 +85,6 @@ def deploy_on_robot(
 
     Args:
         plant: The robot, homed and enabled.
-        model: The calibration model.
-        trajectory: Motion of its joints.
         real_time: Whether a simulated robot keeps time too.
 
     Raises:
@@ -302,7 +300,6 @@ def left_at(project: Project, step: str) -> Path:
     """Return the file with the pose in which the robot was left after homing or a recording.
 
     Args:
-        project: The project.
         step: Name of the step.
     """
     return project.folder / "robot" / ("homed.npz" if step == "home" else f"after_{step}.npz")
@@ -437,7 +434,6 @@ class RosRobot(ProjectRobot):
 
 
 def _not_registered(client: CrtkClient, kind: ProjectKind) -> str | None:
-    """Return the fault of a homed robot's encoders, or None."""
     if np.isfinite(client.external_encoders()).all():
         return None
     return f"no reading comes on {kind.required[-1].name}"

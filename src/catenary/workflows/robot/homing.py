@@ -107,7 +107,6 @@ def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
     """Home a robot, in any state, unless it is homed; one behind a transport is paused then, and its operator asked.
 
     Args:
-        robot: The robot.
         guide: Asks the operator.
     """
     plant = robot.plant

@@ -86,13 +86,8 @@ def check_motion(
     """Refuse a trajectory beyond the joint limits or a velocity.
 
     Args:
-        limits: Joint limits.
-        trajectory: The motion.
         joints: Names of its joints; all when None.
         max_velocity: Largest velocity (k,) [rad/s|m/s]; any when None.
-
-    Raises:
-        LimitError: Names the joint, the time and the limit.
     """
     moved = _indices(limits, joints, trajectory)
     lower, upper = limits.lower[moved] - _AT_LIMIT, limits.upper[moved] + _AT_LIMIT
@@ -129,8 +124,7 @@ def gentle_way(
     """Return a slow, smooth motion from rest to rest, with `GENTLE_ACCELERATION`.
 
     Args:
-        start: Positions (k,) [rad|m].
-        goal: Positions (k,).
+        start, goal: Positions (k,) [rad|m].
         units: "rad" or "m" of each joint.
         speed: Factor on `GENTLE_VELOCITY`.
         max_velocity: Largest velocity in its place (k,) [rad/s|m/s].
@@ -152,9 +146,7 @@ def random_within(limits: Bounded, seconds: float, rng: np.random.Generator) -> 
     """Return a slow random motion, each joint independently over half of its range.
 
     Args:
-        limits: Joint limits.
         seconds: Duration [s].
-        rng: Source of randomness.
     """
     lower, upper = range_of(limits)
     middle, half = 0.5 * (lower + upper), 0.25 * (upper - lower)

@@ -94,8 +94,6 @@ def operated_robot(robot: str, where: Simulated | OverTopics, *, real_time: bool
     """Open a robot in real time; one behind a transport is the caller's to close.
 
     Args:
-        robot: Catalogue name or file.
-        where: Simulation, or topics.
         real_time: Whether a simulated robot keeps time.
     """
     plant, model = open_robot(robot, where), load_robot(robot)

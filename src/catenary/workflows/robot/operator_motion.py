@@ -60,7 +60,6 @@ def leaves_rows(motion: MotionLog, blend: float = CORNER_BLEND_S) -> Floats:
     """Return the largest distance of the smoothed motion (`along_rows`) from a file's rows, (k,) [rad|m].
 
     Args:
-        motion: Rows with times.
         blend: Time over which velocities are averaged [s].
     """
     q, _, _ = along_rows(motion, blend).sample(cast(Floats, motion.time) + 0.5 * blend)
@@ -80,11 +79,7 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> M
     (N, k), `t` (N,) [s], `units` and `joint_names` (k,).
 
     Args:
-        path: The file.
         rows_per_second: Rate of a file without times [Hz]; that of the published zig-zags when None.
-
-    Raises:
-        FileFormatError: Another layout, or times that do not rise.
     """
     if not path.is_file():
         raise FileFormatError(no_file(path))
@@ -232,11 +227,9 @@ def go_to_joints(
     """Move joints to given positions together, gently; errors as of `move_to`.
 
     Args:
-        robot: The robot.
         q: Positions (k,) [rad|m].
         joints: Names of the joints; the first k when None.
         speed: Factor on the gentle velocity.
-        progress: Called with the share done.
     """
     goal = as_array("q", q, (None,))
     names = robot.plant.joint_names[: len(goal)] if joints is None else tuple(joints)
@@ -249,18 +242,11 @@ def go_to_joints(
 
 
 def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Generator) -> Floats:
-    """Return joint positions near the present ones that bring the tool to a point, by inverse kinematics.
+    """Return joint positions (n,) [rad|m] near the present ones that bring the tool to a point, or refuse it.
 
     Args:
-        robot: The robot.
         position: Point in the base frame (3,) [m].
         rng: Draws starts of the search.
-
-    Returns:
-        (n,) [rad|m].
-
-    Raises:
-        UnreachablePoseError: No such positions were found.
     """
     q = robot.plant.setpoint_js().q
     model = robot.with_tool_at(q)
@@ -272,13 +258,7 @@ def joints_at(robot: OperatedRobot, position: ArrayLike, *, rng: np.random.Gener
 
 
 def random_motion(robot: OperatedRobot, seconds: float, *, rng: np.random.Generator) -> Trajectory:
-    """Return a random motion of the model's joints: in RAVEN-II's calibration box, else in the middle of the ranges.
-
-    Args:
-        robot: The robot.
-        seconds: Duration [s].
-        rng: Source of randomness.
-    """
+    """Return a random motion of the model's joints: in RAVEN-II's calibration box, else in the middle of the ranges."""
     if robot.model.name in RAVEN_SIDES or robot.name in RAVEN_SIDES:
         return random_sinusoids(rng, seconds)
     return random_within(robot.model, seconds, rng)
@@ -290,10 +270,7 @@ def run_random(
     """Move the model's joints at random, after a gentle motion to the start.
 
     Args:
-        robot: The robot.
         seconds: Duration [s].
-        rng: Source of randomness.
-        progress: Called with the share done.
     """
     motion = random_motion(robot, seconds, rng=rng)
     return _watched(robot, run_trajectory, motion, joints=robot.joints, progress=progress)
@@ -308,18 +285,12 @@ def follow_motion(
     from_afar: bool = False,
     progress: Progress = silent,
 ) -> MotionSummary:
-    """Check a file's motion as a whole, go to its start gently, and follow it.
+    """Check a file's motion as a whole, go to its start gently, and follow it; a LimitError comes before it moves.
 
     Args:
-        robot: The robot.
-        file: The motion.
         blend: Time over which velocities are averaged [s].
         largest_velocity: Largest velocity by unit [rad/s, m/s]; `MAX_VELOCITY` when None.
         from_afar: Whether the robot may be farther from the start than `NEAR_DISTANCE`.
-        progress: Called with the share done.
-
-    Raises:
-        LimitError: Beyond limits, too fast, or too far from the start; nothing has moved.
     """
     plant, motion = robot.plant, along_rows(file, blend)
     names = file.joint_names if _is_named(file) else plant.joint_names[: len(file.joint_units)]

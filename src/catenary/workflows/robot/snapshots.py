@@ -33,8 +33,6 @@ class Corrected(NamedTuple):
 
 
 class _Calibrated:
-    """A model beside the states of a robot."""
-
     def __init__(self, model: CalibrationModel, names: tuple[str, ...], units: tuple[str, ...], rate_hz: float) -> None:
         self._corrector = Corrector(model, rate_hz=rate_hz)
         self._corrector.prepare(names, units, rate_hz)
@@ -90,8 +88,6 @@ def watch_robot(
     """Yield snapshots of a robot, which is only read.
 
     Args:
-        robot: The robot.
-        model: Calibration model to apply.
         every: Period [s].
         tick: Called after each tick of the robot's.
         clock: Time [s].
@@ -150,7 +146,6 @@ def watch_robot(
 
 
 def _truth(robot: OperatedRobot, q: Floats, calibrated: Floats | None) -> dict[str, Any]:
-    """Return the snapshot's fields of the tip and, in a simulation, of what is true."""
     tip, truth = robot.tip(q), robot.truth()
     if truth is None:
         return {"tip": tip}
@@ -170,7 +165,6 @@ def corrected_rows(log: MotionLog, model: CalibrationModel) -> Corrected:
 
     Args:
         log: The recording of N rows.
-        model: The calibration model.
     """
     places = joint_indices(model, log, whose=f'recording "{log.name}"', of="the model is for")
     q, interval = np.array(log.q_nominal), np.full(log.q_nominal.shape, np.nan)

@@ -258,17 +258,9 @@ def record_topics(
     """Record topics of a robot into a journal.
 
     Args:
-        transport: Connection.
-        folder: Journal to write.
-        topics: Topics to record.
         seconds: Duration [s].
-        about: Description of the recording.
         after: Where an interrupted recording was cut, to continue it.
         required: Names of topics that must deliver messages.
-        progress: Called with the share done.
-
-    Raises:
-        RecordingError: A required topic is silent.
     """
     if not seconds > 0.0:
         raise InputError(f"recording: expected more than 0 s, got {seconds}")
@@ -294,9 +286,6 @@ def left_off(
     """Return the point at which a recording of the same kind was interrupted; None if none can be continued.
 
     Args:
-        folder: Journal.
-        about: Description of the recording.
-        topics: Topics to record.
         now: Present time [ns].
         along: Motion in which the recorded part is located.
     """
