@@ -1,7 +1,7 @@
 """Check a file (robot, calibration model, identified dynamics or recording) and report facts and faults on one screen.
 
-Facts are numbers with units for programs (docs/json.md), and lines of text. Positions are in a joint's `unit` (rad, m),
-errors in its `error_unit` (deg, mm); None means not stated.
+Facts are numbers with units for programs (docs/json.md), and lines of text. Positions have a joint's `unit` (rad, m),
+errors its `error_unit` (deg, mm); None means not stated.
 """
 
 import shlex
@@ -73,9 +73,9 @@ class FileReport:
     remarks: list[str] = field(default_factory=list)  # notes
     findings: tuple[Finding, ...] = ()  # about a recording, also listed as faults or remarks
     joints: Table | None = None  # of a recording
-    hiding: list[str] = field(default_factory=list)  # faults that the recording cannot show
+    hiding: list[str] = field(default_factory=list)  # faults that the recording cannot reveal
     draw: "Callable[[], Figure] | None" = None  # plots a recording's delay
-    next: str = ""  # the next command line, or another advice
+    next: str = ""  # the next command line, or other advice
 
     def tell(self, key: str, fact: Any, text: str | None = None, *, called: str = "") -> None:
         """Add a fact, and its line of text (the fact itself if None)."""
@@ -125,14 +125,14 @@ Limits = tuple[float, ...] | None
 
 @dataclass(frozen=True)
 class TypedRecording:
-    """A recording as typed on the command line, from which the next command is composed."""
+    """Recording as typed on the command line, from which the next command is composed."""
 
     name: str  # of the file or folder
     options: tuple[str, ...] = ()  # for reading: mapping, robot
     imports: tuple[str, ...] | None = None  # options of a necessary import; None if none is necessary
 
     def command(self, verb: str, options: Sequence[str], written: str) -> str:
-        """Return the command line for a verb, with an output named as the recording plus `written`."""
+        """Return the command line for a verb, whose output is named after the recording plus `written`."""
         stem = Path(self.name).with_suffix("").name
         words = ["catenary", verb, self.name, *self.options, *options, "--out", f"{stem}{written}"]
         if self.imports is None:
@@ -152,10 +152,10 @@ def check_recording(
     max_error: Limits = None,
     layout: str = "",
 ) -> FileReport:
-    """Check a recording for calibration; corrections in the next command have been tested on it.
+    """Check a recording for calibration; corrections in the suggested command have been tested on it.
 
-    `source` states how it was read (a motion log of its name if None), `robot` is a name or file (its own if None).
-    Rows with errors beyond `max_error`, per joint in deg and mm, are left out.
+    `source` states how it was read (by default a motion log of its name), `robot` is a name or file (by default its
+    own). Rows with errors beyond `max_error`, per joint in deg and mm, are left out.
     """
     source = source if source is not None else TypedRecording(f"{log.name}.parquet")
     as_read, log = log, mend(log)
@@ -294,10 +294,10 @@ def check_file(
     max_error: tuple[float, ...] | None = None,
     typed: tuple[str, ...] = (),
 ) -> FileReport:
-    """Determine the kind of a file (or catalogue name), and check it.
+    """Check a file (or catalogue name) by its kind.
 
     Args:
-        source, reading: Path or name, and mapping and corrections of a recording.
+        source, reading: Path or name, and a recording's mapping and corrections.
         robot, max_error: As in `check_recording`.
         typed: Options to repeat in the suggested next command.
     """
