@@ -175,7 +175,7 @@ def test_a_model_s_mends_are_told_and_switched_off_on_the_command_line(tmp_path:
 
     first, second, made = turned("0.npz", 0), turned("1.npz", 1), tmp_path / "m.npz"
     assert catenary("fit", first, "--sign", "J1", "--model", "linear", "--out", made).code == 0
-    said = "corrected as the model's training data: --sign q_encoder:J1; --as-is takes it as it is"
+    said = "corrected as the model's training data: --sign q_encoder:J1; --as-is disables this"
     for command in (
         ("evaluate", made, second),
         ("drift", made, second),

@@ -60,7 +60,7 @@ def test_a_longer_way_is_named_over_every_container(tmp_path: Path, write: Write
     log = import_recording(path, MAP, units="rad,rad,m")
     (found,) = named(log)
     assert "stamped 0.072 s before their arrival, commands 0.002 s" in found.says
-    assert "a longer way to the recorder" in found.culprit
+    assert "a slower path to the recorder" in found.culprit
     write_parquet(log, tmp_path / "lab.parquet")
     assert named(read_log(tmp_path / "lab.parquet")) == [found]
 
@@ -125,5 +125,5 @@ def test_commands_that_leap_between_poses_are_a_staircase_and_no_stamps_in_minut
     found = findings_of(poses)
     assert not any(each.refuses for each in found)
     assert [each.says for each in found if each.name == "short"] == [
-        "commands leap between 20 poses and stand there: all rows of a pose tell the same"
+        "commands leap between 20 poses and rest there: all rows of a pose hold the same information"
     ]

@@ -511,7 +511,7 @@ def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats
     unseen = "".join(f"joint {name} unseen: move it. " for name in still)
     return (
         f'robot "{base.parameters.model.name}": the recordings show {rank} of {base.count} base parameters (condition '
-        f"{condition:.3g}); {unseen}Least of all a combination of {base.named(weakest)}. No parameters and no verdict "
-        "follow: move every joint, over more of its range and faster; catenary excitation designs such a motion. "
-        "Columns of positions in another joint's place look like this too"
+        f"{condition:.3g}); {unseen}The least determined is a combination of {base.named(weakest)}. Nothing is "
+        "identified: move every joint, over more of its range and faster; catenary excitation designs such a motion. "
+        "Exchanged position columns look the same"
     )

@@ -314,7 +314,7 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
             says = [f"{share:.0%} of its motion is in the data twice, digit by digit"]
         if says:
             culprit = "one recording copied, joined to itself, or read at another rate"
-            reason = f"{says[0]}: it is no test of a fit to it"
+            reason = f"{says[0]}: it is no independent test"
             found.append((log.name, Finding("twice", (), reason, culprit, refuses=False)))
     return found
 
@@ -332,7 +332,7 @@ def extent_findings(log: MotionLog) -> Iterator[Finding]:
         yield Finding("short", (), "ok is set on no row: nothing was measured")
         return
     if poses := count_poses(log):
-        says = f"commands leap between {poses} poses and stand there: all rows of a pose tell the same"
+        says = f"commands leap between {poses} poses and rest there: all rows of a pose hold the same information"
         yield Finding("short", (), says, "a staircase, which shows neither slack nor delays", refuses=False)
     if measured < _MIN_ROWS:
         says = f"{measured} measured rows, expected at least {_MIN_ROWS}"
@@ -348,7 +348,7 @@ def extent_findings(log: MotionLog) -> Iterator[Finding]:
         says = f"no joint was moved by more than {moved.max():.3g} deg or mm; expected {MOVED_DEG_MM:g} or more"
         yield Finding("constant", (), says, "a recording of an arm at rest")
     elif still:
-        yield Finding("constant", tuple(still), "never moved; a model holds only where it stood", refuses=False)
+        yield Finding("constant", tuple(still), "never moved; a model is valid only at its position", refuses=False)
     if log.q_encoder is not None and log.ok.any():
         seen = scale * log.q_encoder[log.ok]
         spans = np.ptp(np.percentile(seen, [1.0, 99.0], axis=0), axis=0)

@@ -173,7 +173,7 @@ def check_recording(
     found.remarks = [f"{finding.name}: {finding}" for finding in findings if not finding.refuses]
     seen = [j for j in found.facts["joints"] if (j["highest"] - j["lowest"]) * DISPLAY[j["unit"]][1] > MOVED_DEG_MM]
     few = [f"{j['name']} {j['reversals']} times" for j in seen if j["reversals"] < _MIN_REVERSALS]
-    found.remarks += [f"few reversals ({', '.join(few)}): they hardly show slack and hysteresis"] * bool(few)
+    found.remarks += [f"few reversals ({', '.join(few)}): slack and hysteresis are uncertain"] * bool(few)
     lost = int((~log.ok).sum())
     if log.q_encoder is None:
         found.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
@@ -186,7 +186,7 @@ def check_recording(
             if left
             else source.command("fit", [*mended.options, *([MAX_ERROR_OPTION, limits] if limits else [])], "_model.npz")
         )
-        found.remarks += [f"{lost} rows without a trusted measurement serve as history only"] * (0 < lost < len(log))
+        found.remarks += [f"{lost} rows without a trusted measurement are used as history only"] * (0 < lost < len(log))
     found.remarks += [note for note in log.notes if not note.endswith("have no q_encoder")]
     found.faults += [f"{finding.name}: {finding}" for finding in findings if finding.refuses]
     _tell(found, findings)
@@ -243,9 +243,9 @@ def _units(log: MotionLog) -> str:
     """Return the source of a recording's units."""
     given = [text for key, texts in log.settled.items() if key.startswith("units") for text in texts]
     if given:
-        return f"made of what --units says ({'; '.join(given)})"
+        return f"converted by --units ({'; '.join(given)})"
     if log.units_assumed:
-        return "assumed, as nobody states them"
+        return "assumed, as they are not stated"
     return "as its file or its mapping states" if "units" in log.settled else "as --robot or --units says"
 
 
@@ -390,7 +390,7 @@ def _check_inertial(source: str) -> FileReport:
     found.tell("gyroscope", imu.rate is not None, "none" if imu.rate is None else "yes")
     finite = np.asarray(np.isfinite(imu.force).all(axis=1))
     if not finite.all():
-        found.faults.append(f"{int((~finite).sum())} of {len(finite)} readings of the accelerometer are no numbers")
+        found.faults.append(f"{int((~finite).sum())} of {len(finite)} accelerometer readings are not numbers")
     mean = imu.force[finite].mean(axis=0) if finite.any() else np.full(3, np.nan)
     found.tell("mean_force", mean.tolist(), f"{', '.join(f'{f:.2f}' for f in mean)} m/s2", called="mean")
     found.remarks += imu.notes
@@ -474,7 +474,7 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
     parameters = f"all {result.base.count} base parameters ({terms}), condition {result.condition:.3g}"
     remarks += [
         f"for identification: shows {parameters}",
-        "fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left: "
+        "relative residual (RMS) of a fit to it alone, with Coulomb and viscous friction: "
         + ", ".join(f"{name} {share:.3f}" for name, share in left),
     ]
     return faults, remarks, found
@@ -518,7 +518,7 @@ def _copy_faults(path: Path, card: Card) -> list[str]:
     copy = card_path(path)
     if not copy.is_file() or copy.read_bytes() == card_text(card).encode():
         return []
-    return [f"{copy}: is not the card in {path.name}, which counts: it is another one's, or was edited; delete it"]
+    return [f"{copy}: differs from the card in {path.name}, which counts: another file's, or edited; delete it"]
 
 
 def _check_model(path: Path, model: CalibrationModel, card: Card) -> FileReport:

@@ -209,7 +209,7 @@ def _opened(
         return Sources(paths, progress), chosen
     found = None if answers else known_layout(paths, robot=robot)
     if found is not None and clock:
-        raise InputError(f"--clock: {found} is one file of one clock; fit, evaluate and check take --clock to mend it")
+        raise InputError(f"--clock: {found} has a single clock; to correct it, use --clock of fit, evaluate or check")
     if found is not None:
         model, words = None if robot is None else load_robot(robot), () if units is None else units_of(units)[1]
         si = si_units(words) if len(words) > 1 else None

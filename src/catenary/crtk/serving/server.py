@@ -62,7 +62,7 @@ class Diagnostics:
             return
         for name, arm in self._arms.items():
             if states[name].state == "FAULT" and (name not in self._told or self._told[name].state != "FAULT"):
-                why = fault_of(arm.plant) or "the robot does not say why"
+                why = fault_of(arm.plant) or "the robot states no reason"
                 self._reports.say(f"{name}: FAULT", why, now, to=(name,), each=True)
         self._told, self._at = states, now
         self._publisher.publish(
@@ -74,7 +74,7 @@ class Diagnostics:
         refused = sum(one.count for kind, one in self._reports.kinds.items() if kind.endswith(": refused"))
         level, text = (_OK, state.state) if state.is_homed or state.is_busy else (_WARN, f"{state.state}, not homed")
         if state.state == "FAULT":
-            level, text = _ERROR, f"FAULT: {fault_of(arm.plant) or 'no reason is known'}"
+            level, text = _ERROR, f"FAULT: {fault_of(arm.plant) or 'reason unknown'}"
         values = {**state._asdict(), "commands refused": refused}
         pairs = tuple(_KeyValue(key, str(value)) for key, value in values.items())
         return _Status(level, f"catenary: {name} arm", text, arm.place, pairs)
@@ -349,7 +349,7 @@ class Server:
     def _forget(self, source: CommandSource, now: int) -> None:
         """Drop what waits of a topic."""
         arm = self._arms_of(source.topic)[0]
-        why = "not obeyed: what came after it stopped the arm" if arm.is_ready else why_not_obeyed(arm.state)
+        why = "not obeyed: a later command stopped the arm" if arm.is_ready else why_not_obeyed(arm.state)
         dropped = source.forget()
         self.commands += dropped
         self._refuse(source.topic, why, now, times=dropped)
@@ -379,7 +379,7 @@ class Server:
         if gone is not None:
             arm.hold()
             arm.machine.command("pause")
-            text = f"{gone} moved it and is gone"
+            text = f"{gone} was moving it and has disconnected"
             self.reports.say(f"{arm.arm}: paused", text, now, to=(arm.arm,), each=True)
 
     def _state_command(self, topic: CrtkTopic, text: str, now: int) -> None:
