@@ -85,7 +85,7 @@ def test_a_controllers_lag_is_told_apart_where_the_report_was_recorded_too(lag: 
     seen = np.column_stack([np.interp(log.time - delay, log.time, column) for column in log.q_encoder.T])
     both = replace(log, q_nominal=setpoint, q_reported=log.q_nominal, q_encoder=seen)
     (said,) = named(both, "lag")
-    assert f"lies {lag:+.3f} s behind its setpoints" in said.says.replace("-0.000", "+0.000")
+    assert f"lag their setpoints by {lag:+.3f} s" in said.says.replace("-0.000", "+0.000")
     (found,) = (each for each in findings_of(both) if each.name == "delay")
     assert found.refuses == bool(delay)
     assert found.delay is not None

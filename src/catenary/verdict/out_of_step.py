@@ -36,7 +36,7 @@ def delay_findings(pairs: Pairs, place: Integers) -> list[Finding]:
     if log.q_reported is not None:  # what a controller does between the two is no delay of a clock
         own = delay_of(replace(log, q_encoder=log.q_reported, ok=np.ones(len(log), dtype=bool)))
         log = replace(log, q_nominal=log.q_reported)
-        says = f"what the robot reports lags its setpoints by {own.seconds:+.3f} {own.unit}"
+        says = f"reported positions lag their setpoints by {own.seconds:+.3f} {own.unit}"
         between = f"between {own.low:+.3f} and {own.high:+.3f} {own.unit}"
         culprit = "the controller's lag; the delay is relative to the report"
         apart = [Finding("lag", (), f"{says}, {between}", culprit, refuses=False)] * (own.sure != "unknown")
