@@ -137,7 +137,7 @@ def _vague_notes(spread: Sequence[Spread], unseen: DelayMargin) -> list[str]:
     vague = [f"{s.joint} {low:.3g} to {high:.3g} {s.unit}" for s, low, high in ranges if high > _VAGUE_RATIO * low]
     late = [rms / TO_SI[s.unit][1] for s, rms in zip(spread, unseen.rms, strict=True)]
     untold = ", ".join(s.joint for (s, _, high), own in zip(ranges, late, strict=True) if own > _UNTOLD_SHARE * high)
-    more = f", and half a minute of random motion, which tells whether {untold} is late by itself" if untold else ""
+    more = f", and half a minute of random motion, which shows whether {untold} alone is late" if untold else ""
     return [f"other minutes may err by {', '.join(vague)}, which says little: record longer{more}"] * bool(vague)
 
 

@@ -353,8 +353,8 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
     actuation, last = result.model.actuation, result.training[-1].log
     if actuation is not None and any(friction.recording for friction in actuation.friction):
         yield (
-            "friction: each recording has its own, masses are those of all: held-out blocks are predicted better; the "
-            f"robot, and what was not fitted, has that of {last}"
+            "friction: separate for each recording, with common masses: held-out blocks are predicted better; the "
+            f"robot and the tests have that of {last}"
         )
     if result.unshown:
         hidden = ", ".join(result.unshown)
