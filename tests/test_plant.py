@@ -195,7 +195,7 @@ def test_minutes_are_known_again_at_another_rate_by_a_calendars_clock_and_where_
     other_arm = replace(again, q_nominal=np.roll(q, 1, axis=1))
     assert not other_arm.is_among([log.identity])
     assert [each.says for _, each in repeated_findings([log, again])] == [
-        f'its minutes are those of "{log.name}": it is no test of a fit to it'
+        f'its minutes are those of "{log.name}": it is no independent test'
     ]
     with pytest.raises(DataError, match="read at another rate"):
         require_apart([log], [again])

@@ -97,7 +97,7 @@ FORMATS = (
                advice="save its sheet as CSV (Save As, CSV UTF-8)"),
     FileFormat("packed", "nothing read", (".zip", ".7z", ".rar", ".tar", ".tgz", ".xz", ".bz2", ".zst"),
                advice="unpack it first"),
-    FileFormat("a pickle, which runs what it holds", "nothing read", (".pkl", ".pickle", ".pt", ".pth", ".joblib"),
+    FileFormat("a pickle, which may run code", "nothing read", (".pkl", ".pickle", ".pt", ".pth", ".joblib"),
                advice="where you trust it, load it in Python and write arrays by numpy.savez"),
     FileFormat("Arrow's", "nothing read", (".feather", ".arrow"),
                advice="pandas.read_feather(...).to_parquet(...) writes Parquet"),

@@ -193,7 +193,7 @@ def require_ready(plant: Plant, verb: str) -> None:
     if not state.is_homed:
         raise NotReadyError("the robot is not homed: its joint positions mean nothing yet; nothing has moved")
     if state.is_busy:
-        raise NotReadyError("the robot is busy with a motion of its own; nothing has moved")
+        raise NotReadyError("the robot is busy with its own motion; nothing has moved")
 
 
 class Joints(NamedTuple):

@@ -90,10 +90,10 @@ MISFITS: list[dict[str, Any]] = [
             (restructured(**{key: None}), f"damaged: .*{key}: this key is missing|{key} None, expected")
             for key in PARTS
         ],
-        *[(restructured(**misfit), "damaged: is no calibration model") for misfit in MISFITS],
-        *[(replaced(key, lambda _, t=text: t), "damaged: is no calibration model") for key, text in TEXTS],
-        *[(replaced(key, lambda values: values[:1]), "damaged: is no calibration model") for key in SHAPED],
-        (replaced("groups.0.columns", lambda columns: columns + 5), "damaged: is no calibration model"),
+        *[(restructured(**misfit), "damaged: is not a calibration model") for misfit in MISFITS],
+        *[(replaced(key, lambda _, t=text: t), "damaged: is not a calibration model") for key, text in TEXTS],
+        *[(replaced(key, lambda values: values[:1]), "damaged: is not a calibration model") for key in SHAPED],
+        (replaced("groups.0.columns", lambda columns: columns + 5), "damaged: is not a calibration model"),
         (restructured(format="catenary.calibration.9"), "'catenary.calibration.9', expected 'catenary.cal"),
     ],
 )
@@ -125,7 +125,7 @@ def test_a_model_is_one_file_of_plain_arrays_with_a_readable_card_beside_it(path
         (lambda path: path.write_bytes(pickle.dumps({"structure": 1})), "damaged: cannot be read"),
         (lambda path: path.write_bytes(np.random.default_rng(1).bytes(3000)), "damaged: cannot be read"),
         (lambda path: np.savez(path, weights=np.zeros(3), bias=np.zeros(1)), r"is no .* \(it holds weights, bias\)"),
-        (np.savez, r"is no calibration model \(it holds nothing\)"),
+        (np.savez, r"is not a calibration model \(it holds nothing\)"),
     ],
     ids=["missing", "pickle", "noise", "foreign", "empty"],
 )
@@ -137,7 +137,7 @@ def test_what_is_no_model_is_refused(path: Path, write: Callable[[Path], Any], m
 
 def test_a_file_of_another_kind_is_no_damaged_model(tmp_path: Path) -> None:
     (tmp_path / "run.parquet").write_bytes(b"PAR1 and what follows")
-    with pytest.raises(FileFormatError, match=r"run.parquet: is no calibration model; expected one \(.npz\)"):
+    with pytest.raises(FileFormatError, match=r"run.parquet: is not a calibration model; expected one \(.npz\)"):
         load_model(tmp_path / "run.parquet")
 
 
@@ -173,7 +173,7 @@ def test_pickled_objects_are_refused_and_not_run(path: Path, tmp_path: Path) -> 
 def test_any_array_that_is_missing_changed_or_not_finite_is_noticed(path: Path) -> None:
     save_model(MODEL, CARD, path)
     for key, values in dict(np.load(path)).items():
-        cases = [(lambda arrays, key=key: arrays.pop(key), "(damaged: )?is no calibration model")]
+        cases = [(lambda arrays, key=key: arrays.pop(key), "(damaged: )?is not a calibration model")]
         if values.dtype.kind == "f" and values.size:
             last, others = values.flat[-1], np.repeat(values[None], 3, axis=0)
             others[:, *(-1 for _ in values.shape)] = last + 1e-9 + 1e-9 * abs(last), np.nan, np.inf
@@ -230,7 +230,7 @@ def of_the_format_before(model: CalibrationModel, path: Path, **features: Any) -
 
 
 def test_a_file_with_midlines_is_refused_and_says_to_fit_again(path: Path) -> None:
-    with pytest.raises(FileFormatError, match=r"midlines of torques.* which are gone: fit again"):
+    with pytest.raises(FileFormatError, match=r"torque midlines.* no longer supported: fit again"):
         load_model(of_the_format_before(MODEL, path, midlines=[["tau:J1", "q:J1", 0.1, 1.0]]))
 
 

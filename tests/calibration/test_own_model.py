@@ -208,7 +208,7 @@ def test_the_command_line_takes_module_and_name(tmp_path, monkeypatch):
         (0, "", "check own.npz"),
         (2, "PYTHONPATH", "fit log.parquet --model no_such:Thing --out new.npz"),
         (2, "needs one", "fit log.parquet --model own --out new.npz"),
-        (2, "no C of it", "export --model own.npz --c arm.h"),
+        (2, "no C export", "export --model own.npz --c arm.h"),
         (2, "catenary fit --model", f"calibrate project log.parquet --test day.parquet --model {own[1]}"),
     ]:
         ended = run(*line.split())

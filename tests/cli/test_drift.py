@@ -222,4 +222,4 @@ def test_an_identified_arm_is_told_what_has_changed_since(tmp_path: Path) -> Non
     assert outcome.code == 1
     told = [(change["recording"], change["finding"], change["joints"]) for change in outcome.json["changes"]]
     assert told == [("run1", "offset", ["elbow"]), ("run2", "friction", ["elbow"])]
-    assert "nothing differs" in catenary("drift", found, runs[3]).out
+    assert "no difference" in catenary("drift", found, runs[3]).out

@@ -71,7 +71,7 @@ def test_copy_of_another_models_card_is_told_and_a_lost_one_is_not(model: Path, 
     copy(card_path(tmp_path / "other.npz"), card_path(mine))
     outcome = catenary("check", mine)
     assert outcome.code == 1
-    assert "mine.card.json: is not the card in mine.npz, which counts" in outcome.out
+    assert "mine.card.json: differs from the card in mine.npz, which counts" in outcome.out
 
 
 def keys_of(facts: Any) -> set[str]:

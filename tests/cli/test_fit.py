@@ -156,5 +156,7 @@ def test_a_model_s_mends_are_told_and_switched_off_on_the_command_line(tmp_path:
     made = tmp_path / "m.npz"
     assert catenary("fit", tmp_path / "0.npz", "--sign", "J1", "--model", "linear", "--out", made).code == 0
     done = catenary("evaluate", made, tmp_path / "1.npz")
-    assert "corrected as the model's training data: --sign q_encoder:J1; --as-is takes it" in " ".join(done.err.split())
+    assert "corrected as the model's training data: --sign q_encoder:J1; --as-is disables this" in " ".join(
+        done.err.split()
+    )
     assert "--sign J1" in refusal("evaluate", made, tmp_path / "1.npz", "--as-is")

@@ -114,7 +114,7 @@ def test_a_person_reads_state_and_rate():
     options = ("--dialect", "crtk", "--duration", "1.2", "--rate", "200")
     result = catenary("serve", "--ros", "none", "--homed", *options)
     assert "gold DISABLED homed" in result.out
-    assert "to nobody" in result.err
+    assert "without ROS" in result.err
 
 
 class RestingWrist(TickingClock):

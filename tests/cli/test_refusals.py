@@ -40,7 +40,7 @@ REFUSALS = {
         for hours in ("nan", "inf", "0", "-1", "1000", "1e-4")
     },
     **{f"record {{begun}} --name={name}": "--name" for name in ("train", "''", "../away", "'a b'")},
-    **{f"{command} none": "is no project" for command in ("record", "extract", "deploy {model}")},
+    **{f"{command} none": "is not a project" for command in ("record", "extract", "deploy {model}")},
     "deploy none.npz {begun}": "none.npz",
     "deploy model.npz": "its project's folder",
     "deploy model.npz --ros 1 --seconds 0": "more than 0",

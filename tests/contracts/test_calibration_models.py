@@ -188,7 +188,7 @@ def test_c_is_written_of_kinds_that_say_so_and_refused_of_others(case: Case) -> 
     if MODEL_KINDS[case.model.kind].in_c:
         assert "model_correct" in c_header(None, case.model).text
     else:
-        with pytest.raises(InputError, match="Python alone"):
+        with pytest.raises(InputError, match="Python only"):
             c_header(None, case.model)
 
 

@@ -85,7 +85,7 @@ def test_a_push_beyond_a_soft_limit_is_held_and_said():
         robot.say("servo_jf", JointState(effort=shoulder(-1e300)))
         robot.tick(50)
     assert arm.lower[0] - 0.02 < arm.measured.q[0] < arm.lower[0] + 0.05
-    assert 'limited: joint "shoulder": torque -1e+300 asked for' in heard.take()[0].message.data
+    assert 'limited: joint "shoulder": torque -1e+300 requested' in heard.take()[0].message.data
     assert arm.state.state == "ENABLED"
 
 

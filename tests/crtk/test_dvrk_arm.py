@@ -326,8 +326,8 @@ def test_positions_come_at_the_velocity_in_the_same_message(psm):
 @pytest.mark.parametrize(
     ("message", "said"),
     [
-        (JointServo(position=DEEP, effort=np.zeros(6), mode=(PVF,) * 6), "efforts beside positions"),
-        (JointServo(position=DEEP, velocity=np.zeros(6), mode=(P, V, P, P, P, P)), "the arm takes either"),
+        (JointServo(position=DEEP, effort=np.zeros(6), mode=(PVF,) * 6), "efforts with positions"),
+        (JointServo(position=DEEP, velocity=np.zeros(6), mode=(P, V, P, P, P, P)), "the arm takes one kind"),
         (JointServo(position=DEEP, mode=(P,) * 5), "5 modes, expected 6"),
         (JointServo(position=DEEP[:4], mode=(P,) * 6), "JointServo.position"),
         (JointServo(position=DEEP + 1.0), "from its setpoint"),
@@ -374,7 +374,7 @@ def test_a_pose_with_a_twist_and_a_twist_alone_move_the_tool(psm):
     assert_allclose(there, step + np.array([0.001, 0.0, 0.0]), atol=5e-5)
     psm.say("/PSM1/servo_cs", both._replace(wrench_is_valid=Bool(True)))
     (refused,) = psm.refusals
-    assert "a wrench beside a pose" in refused
+    assert "a wrench with a pose" in refused
 
 
 def test_after_torques_have_wound_its_roll_up_a_move_cp_goes_back_in_seconds(psm):

@@ -69,4 +69,4 @@ def test_a_node_that_listens_on_all_addresses_is_warned_of(environment, said):
         assert warning is None
     else:
         assert said in warning
-        assert "ROS_IP=127.0.0.1 shuts it in" in warning
+        assert "ROS_IP=127.0.0.1 restricts it to this machine" in warning

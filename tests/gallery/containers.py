@@ -159,5 +159,5 @@ SAMPLES = [
     Sample("LeRobot 3", "pusht3", "likewise", lambda path: lerobot(path, "v3.0", STATES, MOTORS)),
     Sample("gzip", "run.csv.gz", "as the plain one", packed),
     Sample("Excel", "lab.xlsx", "", Path.touch, refused="is a spreadsheet: save its sheet as CSV"),
-    Sample("Python's pickle", "lab.pkl", "", Path.touch, refused="is a pickle, which runs what it holds"),
+    Sample("Python's pickle", "lab.pkl", "", Path.touch, refused="is a pickle, which may run code"),
 ]

@@ -88,12 +88,12 @@ SAMPLES = [
         lines("", lambda i: cells(ALL[i], ";", ",")), says=TOLD, truth=MOVED,
     ),
     Sample(
-        "a logger without time", "states.csv", "columns by number, told as before; rows without time",
+        "a logger without time", "states.csv", "columns by number, recognised as before; rows without time",
         savetxt([Q, QD, TAU], delimiter=","), says=("no column is the time", "data[6] ... data[8] are what is left"),
         truth={"q_nominal": Q, "qd": QD, "tau": TAU},
     ),
     Sample(
-        "a logger, joint by joint", "interleaved.csv", "columns by number; each velocity behind its position",
+        "a logger, joint by joint", "interleaved.csv", "columns by number; each velocity after its position",
         savetxt([T, *(c for j in range(3) for c in (Q[:, j], QD[:, j]))], delimiter=","),
         says=('columns = ["data[1]", "data[3]", "data[5]"]',), truth={"q_nominal": Q, "qd": QD},
     ),
@@ -123,7 +123,7 @@ SAMPLES = [
         says=("1 comment lines among the rows were passed over",),
     ),
     Sample(
-        "LabVIEW, DAQ programs", "units.csv", "a line of units behind the names",
+        "LabVIEW, DAQ programs", "units.csv", "a line of units after the names",
         lines("time,yaw,pitch,insertion\n[ms],[deg],[deg],[mm]\n",
               lambda i: cells([1e3 * T[i], *(DEG * Q[i])])),
         says=('columns = ["yaw [deg]", "pitch [deg]", "insertion [mm]"]',), units=None,
@@ -171,7 +171,7 @@ SAMPLES = [
         says=("ros2 topic echo --csv", '"position[insertion]"'), truth=MOVED,
     ),
     Sample(
-        "`ros2 topic echo --csv`, other types", "echo3.csv", "columns by number behind the stamp",
+        "`ros2 topic echo --csv`, other types", "echo3.csv", "columns by number after the stamp",
         lines("", lambda i: f"{BEGIN + i // 100},{i % 100 * 10**7},base,{cells(ALL[i, 1:])}"),
         says=("ros2 topic echo --csv", "are the derivatives"), truth=MOVED,
     ),
@@ -234,12 +234,12 @@ SAMPLES = [
         lines("t,q1,q2,q3\n", lambda i: cells(ALL[i, :4]), end="\n6.0,0.1,0.2,-"), says=("last line is torn",),
     ),
     Sample(
-        "a logger that was started again", "again.csv", "names that come again among the rows are passed over",
+        "a restarted logger", "again.csv", "names repeated among the rows are skipped",
         lines("t,q1,q2,q3\n", lambda i: cells(ALL[i, :4]) + "\nt,q1,q2,q3" * (i == 300)),
         says=("1 lines of names among the rows were passed over",),
     ),
     Sample(
-        "`np.savetxt(header=)`, units apart", "apart.txt", "names with the units behind them",
+        "`np.savetxt(header=)`, units apart", "apart.txt", "names followed by units",
         savetxt([T, DEG * Q], header="time [s]  q1 [deg]  q2 [deg]  q3 [mm]"), units=None,
     ),
     Sample(

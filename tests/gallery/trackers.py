@@ -153,7 +153,7 @@ SAMPLES = [
         ndi, pose="Tx", says=('orientation = "wxyz"',),
     ),
     Sample(
-        "TUM's trajectories", "tum.txt", "a pose by number, told by its quaternion",
+        "TUM's trajectories", "tum.txt", "a pose by number, recognised by its quaternion",
         lambda path: table(path, "", TURNS, separator=" "), pose="data[1]",
         says=('"data[1]", "data[2]", "data[3]", "data[4]"',),
     ),
@@ -188,7 +188,7 @@ SAMPLES = [
         lambda path: motive(path, "1.23", "Millimeters", turns="XYZ"), pose="tool", says=("X then Y then Z",),
     ),
     Sample(
-        "a tracker's columns behind a prefix", "prefix.csv", "mm and the scalar of the quaternion by the names",
+        "a tracker's columns with a prefix", "prefix.csv", "mm and the scalar of the quaternion by the names",
         lambda path: table(path, "time," + ",".join(f"tracker_{c}" for c in PREFIXED), np.roll(TURNS, 1, axis=1), 1e3),
         pose="tracker_x_mm", says=('unit = "mm"',),
     ),

@@ -343,7 +343,7 @@ def test_a_rotor_that_the_motion_does_not_show_is_told_by_its_joint_and_the_othe
     tau = torques(geared, q, qd, qdd, beside)
     result = identify([recorded(geared, 0, q_nominal=q, qd=qd, tau=tau)], arm, PLAIN)
     assert result.unshown == hidden
-    [note] = [note for note in workflow_notes(arm, result) if "not shown by the motion" in note]
+    [note] = [note for note in workflow_notes(arm, result) if "that the motion does not determine" in note]
     assert ", ".join(hidden) in note
     assert all(rotor.inertia == pytest.approx(0.5, rel=0.1) for rotor in result.rotors if rotor.error is not None)
 

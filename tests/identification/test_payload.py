@@ -48,7 +48,7 @@ def test_a_mass_at_a_known_place_is_weighed(found, frame):
     payload = estimate_payload(found, loaded(0.2, frame), at=(frame, PLACE))
     assert abs(payload.mass - 0.2) < max(0.02, 2.0 * payload.mass_std)
     if frame == "shoulder":  # moved by one joint, whose torque may as well have another gain
-        assert payload.rival == "shoulder's torque times a gain: no joint would tell, moved by itself"
+        assert payload.rival == "shoulder's torque times a gain: no single joint's motion would distinguish them"
     assert payload.mass_std < 0.1
     assert payload.detected or frame != "wrist"
     assert payload.link == ARM.link_names[ARM.frame(frame).link]

@@ -219,7 +219,7 @@ def swapped(values):
     ({"qd": swapped(RUN.qd)}, "velocity of joint shoulder is not the derivative of its position"),
     ({"qd": swapped(RUN.qd)}, "it follows joint elbow: swapped axes?"),
     ({"time": 2.0 * RUN.time}, "another sampling rate than stated?"),
-    ({"time": np.zeros(len(RUN))}, "time stands still"),
+    ({"time": np.zeros(len(RUN))}, "time stamp does not change"),
     ({"rate": 15.0}, "recorded at 15 Hz: the cut-off 10 Hz must be below half of it"),
     ({"joint_units": ("rad", "rad", "rad")}, 'has joint "insertion" in rad, not m'),
 ])  # fmt: skip

@@ -163,7 +163,7 @@ def test_a_base_of_four_digits_is_the_rotation_next_to_it(share: Path) -> None:
 REFUSED = {
     "tool/LND_400006.json": (FileFormatError, r"is an instrument of the dVRK.*instrument = \"LND_400006.json\""),
     "tool/SNAKE_400117.json": (UnsupportedModelError, "is snake-like or has passive joints"),
-    "kinematic/PSM_physical.json": (UnsupportedModelError, "passive joints.*the one that is not _physical"),
+    "kinematic/PSM_physical.json": (UnsupportedModelError, "passive joints.*the one without _physical"),
     "arm/PSM1.json": (FileFormatError, "expected kinematics with DH .*got kinematic, tool, tool_detection"),
     "io/pid.json": (FileFormatError, "expected kinematics with DH .*got controllers"),
     "mixed.json": (FileFormatError, "convention: expected modified or standard, the same in all rows"),

@@ -338,7 +338,7 @@ def test_free_bodies_of_a_scene_are_left_aside_and_free_bases_stand(load):
     standing = load(arm().replace("<worldbody>", pelvis).replace("</worldbody>", "</body></worldbody>"))
     assert standing.joint_names == alone.joint_names
     assert_array_equal(frame_pose(standing, "upper", [0, 0, 0])[:3, 3], [0, 0, 3])
-    assert "free bodies stand where the file puts them (pelvis)" in standing.notes
+    assert "free bodies are fixed where the file puts them (pelvis)" in standing.notes
 
 
 def test_a_mesh_that_is_not_there_is_left_out_unless_a_mass_is_taken_from_it(load):

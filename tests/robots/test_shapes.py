@@ -43,7 +43,7 @@ def test_what_a_urdf_looks_like_is_taken_where_it_has_no_collision_shapes(arm):
     arm.write_text(arm.read_text().replace("collision>", "visual>"))
     found = load_geometry(arm, load_robot(arm))
     assert len(found.shapes) == 5
-    assert "has no collision shapes; what links look like is taken" in found.notes[0]
+    assert "has no collision shapes; visual shapes are used" in found.notes[0]
 
 
 def test_links_without_a_shape_are_named(arm):

@@ -293,7 +293,7 @@ DAMAGED = [
     (one_joint(LIMIT + '<origin xyz="0 0 nan"/>'), FileFormatError, 'joint "j": <origin>: xyz="0 0 nan", expected 3 numbers, finite'),
     (one_joint(LIMIT + '<origin quat_xyzw="0 0 0 0"/>'), FileFormatError, "quat_xyzw is zero"),
     (one_joint(LIMIT + '<origin rpy="0 0 0" quat_xyzw="0 0 0 1"/>'), FileFormatError, "expected one of the two"),
-    (one_joint(MIMIC.format("x")), FileFormatError, 'joint "j": <mimic> follows "x", which is no moving joint; moving joints: j'),
+    (one_joint(MIMIC.format("x")), FileFormatError, 'joint "j": <mimic> follows "x", which is not a moving joint; moving joints: j'),
     (one_joint("<mimic/>" + LIMIT), FileFormatError, 'joint "j": <mimic> names no joint'),
     (one_joint(LIMIT + '<dynamics damping="-1"/>'), FileFormatError, 'joint "j": <dynamics>: damping -1, expected zero or more'),
     (one_joint(LIMIT + '<dynamics friction="much"/>'), FileFormatError, 'joint "j": <dynamics>: friction="much", expected a number'),

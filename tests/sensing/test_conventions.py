@@ -128,7 +128,7 @@ def test_rows_of_other_sensors_are_no_readings_and_one_that_is_no_number_is_a_fa
     assert check_file(str(tmp_path / "a.csv")).facts["mean_force"] == pytest.approx([0.1, 0.2, 9.8])
     rows[1] = "0.01,0.1,,9.8,"
     (tmp_path / "a.csv").write_text("\n".join(["t,ax,ay,az,q1", *rows]) + "\n")
-    assert check_file(str(tmp_path / "a.csv")).faults == ["1 of 20 readings of the accelerometer are no numbers"]
+    assert check_file(str(tmp_path / "a.csv")).faults == ["1 of 20 accelerometer readings are not numbers"]
 
 
 def test_gravity_that_was_taken_away_and_units_that_there_are_not_are_refused(

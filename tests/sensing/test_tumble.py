@@ -59,7 +59,7 @@ def test_sides_that_never_were_up_are_named():
 
 @pytest.mark.parametrize(
     ("factor", "said"),
-    [(1.0 / 9.80665, "in g,"), (100.0, "in cm/s2"), (1000.0 / 9.80665, "in mg"), (0.0, "takes gravity away"), (2.0, "length 19.6")],
+    [(1.0 / 9.80665, "in g,"), (100.0, "in cm/s2"), (1000.0 / 9.80665, "in mg"), (0.0, "removes gravity"), (2.0, "length 19.6")],
 )  # fmt: skip
 def test_readings_in_another_unit_are_told(factor, said):
     assert said in fit_tumble(read(SIX, bias=0.0, scale=factor)).faults[0]

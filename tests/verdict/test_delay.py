@@ -66,7 +66,7 @@ def test_of_one_joint_alone_a_wide_interval_holds_its_delay_and_a_zig_zag_tells_
     assert low <= seconds <= high
     assert high - low < 0.5
     repeated = delay_of(arm.moved("zigzag", 7, 90.0).log)
-    assert "half a minute of random motion would tell" in str(replace(repeated, sure="none"))
+    assert "half a minute of random motion would show it" in str(replace(repeated, sure="none"))
 
 
 @pytest.mark.alike

@@ -60,7 +60,7 @@ def test_a_longer_way_is_named_over_every_container(tmp_path: Path, write: Write
     log = import_recording(path, MAP, units="rad,rad,m")
     (found,) = named(log)
     assert "stamped 0.072 s before their arrival, commands 0.002 s" in found.says
-    assert "a longer way to the recorder" in found.culprit
+    assert "a slower path to the recorder" in found.culprit
     write_parquet(log, tmp_path / "lab.parquet")
     assert named(read_log(tmp_path / "lab.parquet")) == [found]
 
@@ -85,7 +85,7 @@ def test_a_controllers_lag_is_told_apart_where_the_report_was_recorded_too(lag: 
     seen = np.column_stack([np.interp(log.time - delay, log.time, column) for column in log.q_encoder.T])
     both = replace(log, q_nominal=setpoint, q_reported=log.q_nominal, q_encoder=seen)
     (said,) = named(both, "lag")
-    assert f"lies {lag:+.3f} s behind its setpoints" in said.says.replace("-0.000", "+0.000")
+    assert f"lag their setpoints by {lag:+.3f} s" in said.says.replace("-0.000", "+0.000")
     (found,) = (each for each in findings_of(both) if each.name == "delay")
     assert found.refuses == bool(delay)
     assert found.delay is not None
@@ -125,5 +125,5 @@ def test_commands_that_leap_between_poses_are_a_staircase_and_no_stamps_in_minut
     found = findings_of(poses)
     assert not any(each.refuses for each in found)
     assert [each.says for each in found if each.name == "short"] == [
-        "commands leap between 20 poses and stand there: all rows of a pose tell the same"
+        "commands leap between 20 poses and rest there: all rows of a pose hold the same information"
     ]

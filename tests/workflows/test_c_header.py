@@ -417,5 +417,5 @@ def test_the_command_writes_the_header(tmp_path: Path) -> None:
     outcome = catenary("export", "raven2", "--model", tmp_path / "model.npz", "--c", out, "--json")
     functions = [f"raven2_{name}" for name in (*GRAVITY, *MOTION, "reset", "correct", "interval")]
     assert outcome.json == {"file": str(out), "functions": functions}
-    assert "side by side" in outcome.err
+    assert "independently" in outcome.err
     assert out.read_text() == c_header(load_robot("raven2"), model).text

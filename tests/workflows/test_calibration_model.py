@@ -272,7 +272,7 @@ def rmse(model: Path, log: Path, reading: Reading | None = None) -> tuple[list[f
     return [joint.rmse for joint in result.evaluation.joints], result.notes
 
 
-SAID = "corrected as the model's training data: --sign q_encoder:pitch --shift 4; --as-is takes it as it is"
+SAID = "corrected as the model's training data: --sign q_encoder:pitch --shift 4; --as-is disables this"
 
 
 def test_the_card_holds_its_mends_as_data(mended: Path) -> None:

@@ -49,7 +49,7 @@ def test_torques_that_cannot_be_told_are_said_to_be_unchecked():
     room = motion_room(raven, velocity=[1.0, 1.0, 0.1])
     found = design(MotionSurroundings(load_geometry("raven2", raven)), raven, room)
     assert any("torques are unchecked: raven2 has no limits of them" in note for note in found.notes)
-    assert any("kept from hitting itself alone" in note for note in found.notes)
+    assert any("only self-collisions are checked" in note for note in found.notes)
     bare = load_robot("dvrk_psm_motors")
     room = motion_room(bare, lower=-np.full(7, 1.5), upper=np.full(7, 1.5), velocity=np.full(7, 3.0), effort=np.ones(7))
     found = design(MotionSurroundings(None, unchecked="no shapes"), bare, room)
@@ -80,7 +80,7 @@ def test_a_trajectory_is_ros_s_message(motion, tmp_path):
         field for field, _ in get_typestore(Stores.ROS2_HUMBLE).fielddefs["trajectory_msgs/msg/JointTrajectoryPoint"][1]
     }
     assert set(content["points"][0]) <= known
-    with pytest.raises(InputError, match="a trajectory is a motion"):
+    with pytest.raises(InputError, match="a trajectory needs a motion"):
         write_trajectory(replace(motion.design, terms="static"), PANDA.joint_names, path)
 
 

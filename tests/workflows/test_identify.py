@@ -299,12 +299,12 @@ def test_the_table_names_the_joint_that_felt_it_and_an_unloaded_run_gives_the_in
     outcome = catenary(*line, "--unloaded", tmp_path / "3.npz", "--accept", "sign", "--accept", "torques")
     assert "External torques in 2" in outcome.out
     assert "largest force on tool0" in outcome.out
-    assert "all along" not in outcome.err
+    assert "throughout" not in outcome.err
     log = recording(in_mujoco, 2, FORCE)
     write_npz(replace(log, tau=log.tau + 20.0 * np.eye(6)[2]), tmp_path / "2.npz")
     steady = catenary(*line, "--accept", "sign", "--accept", "torques").err
     told = re.search(r"elbow_joint: (-[\d.]+) Nm", steady)
     assert told is not None
     assert float(told[1]) == pytest.approx(-20.0, abs=2.0)
-    assert "all along: a zero of its torque that shifted looks like a steady push" in steady
+    assert "throughout: a shifted zero of its torque looks like a steady push" in steady
     assert "expected one recording, got 2" in refusal(*line, tmp_path / "3.npz")

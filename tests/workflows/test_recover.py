@@ -118,7 +118,7 @@ def test_nothing_is_overwritten_nor_the_recording_changed(journal: Path, tmp_pat
         recover(path)
     assert (tmp_path / "run.recovered").read_text() == "mine"
     for out, said in (
-        (path / "x", "lies in the recording"),
+        (path / "x", "is inside the recording"),
         (tmp_path / "a.bag", "without .bag"),
         (tmp_path / "no" / "x", "does not exist"),
     ):

@@ -158,7 +158,7 @@ SWAP = np.eye(3)[[1, 0, 2]]
         (np.eye(3), -np.eye(3), "its x, y, z seem to be -x,-y,-z"),
         (np.eye(3), np.diag([1.0, -1.0, -1.0]), "its x, y, z seem to be x,-y,-z"),  # half of NED
         (np.diag([1.0, -1.0, -1.0]), np.eye(3), "its x, y, z seem to be x,-y,-z"),
-        (np.eye(3), 2.5 * np.eye(3), "times as far as it reads"),
+        (np.eye(3), 2.5 * np.eye(3), "times as far as the gyroscope reads"),
         (np.eye(3) / 9.80665, np.eye(3), "seem to be in g, expected m/s2"),
         (-np.eye(3), np.eye(3), "left-handed"),
         (SWAP, SWAP, "left-handed"),
@@ -180,7 +180,7 @@ def test_what_a_recording_gets_wrong_is_named_and_not_written(force: Floats, rat
         (-np.eye(3), "its x, y, z seem to be -x,-y,-z"),
         (SWAP, "its x, y, z seem to be y,x"),
         (np.degrees(np.eye(3)), "it seems to be in deg/s"),
-        (2.5 * np.eye(3), "times as far as it reads"),
+        (2.5 * np.eye(3), "times as far as the gyroscope reads"),
         (0.15, "ms late"),
     ],
 )

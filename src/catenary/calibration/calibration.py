@@ -84,14 +84,14 @@ class Calibration(CalibrationModel):
             arrays: `tau`, `qd` and `time` if the model takes them and positions are an array; see MotionArrays.
 
         Raises:
-            InputError: Another number of joints, NaN, or an input of the model is missing.
+            InputError: Wrong number of joints, NaN, or a missing input of the model.
         """
         return np.concatenate([self.calibrate(log) for log in self._logs(q_nominal, **arrays)])
 
     def predict_interval(self, q_nominal: Motion, **arrays: Unpack[MotionArrays]) -> Floats:
         """Return half-widths (N, n) [rad|m] of intervals about the calibrated positions; arguments as in `predict`.
 
-        They are to contain a share `intervals.level` of errors; NaN if the model has no intervals.
+        They are meant to contain a share `intervals.level` of the errors; NaN if the model has no intervals.
         """
         return np.concatenate([self.half_widths(log) for log in self._logs(q_nominal, **arrays)])
 
@@ -104,7 +104,7 @@ class Calibration(CalibrationModel):
         accept: Sequence[str] = (),
         **arrays: Unpack[MotionArrays],
     ) -> Evaluation:
-        """Return errors before and after the model on data that it was not fitted to; see `catenary.evaluate`."""
+        """Evaluate the model on data that it was not fitted to; see `catenary.evaluate`."""
         recordings = self._recordings(q_nominal, q_encoder, **arrays)
         data = usable_rows(recordings, self.features)
         judge_recordings(self, recordings, accept=accept)
@@ -118,7 +118,7 @@ class Calibration(CalibrationModel):
         accept: Sequence[str] = (),
         **arrays: Unpack[MotionArrays],
     ) -> Calibration:
-        """Return the model updated with minutes of a new day; its card states what moved. See `catenary.refresh`."""
+        """Update the model with minutes of a new day; its card states what changed. See `catenary.refresh`."""
         day = refresh_with(self, self.card, self._recordings(q_nominal, q_encoder, **arrays), accept=accept)
         return _with_card(day.model, day.card)
 
@@ -155,7 +155,7 @@ def load_model(path: str | Path, *, own: Named | Sequence[Named] | None = None) 
 
     Raises:
         FileFormatError: The file is not a calibration model.
-        InputError: The model is of another class, or holds types of packages whose classes are not named.
+        InputError: The model's class differs from `own`, or it holds types of packages whose classes are not named.
 
     Examples:
         >>> from pathlib import Path
@@ -213,17 +213,17 @@ def fit(
         max_error: Leave out rows with larger errors, per joint in deg and mm.
         held_out: Share at the end of each recording that is excluded from the fit; the card states the errors on it.
         folds: Time blocks of the cross-validation; 0 for none, which is fast but gives no intervals.
-        coverage: Share of errors that the intervals about calibrated positions are to contain.
+        coverage: Share of errors that the intervals about calibrated positions are meant to contain.
         robot: Name of the robot for the card; that of the recordings if None.
         seed: Random seed of a network's training.
         coupled: Joints that friction couples; found in the recordings if None, none if empty.
-        accept: Names of findings of `check_data` to continue despite.
-        progress: Called with the share done.
+        accept: Names of `check_data` findings that do not stop the fit.
+        progress: Called with the completed share, 0 to 1.
         arrays: `tau` and `qd` (N, n), `time` (N,), if positions are an array; torques are inputs by default.
 
     Raises:
         DataError: Something is wrong with the data; the message states what, how to fix it, and how to accept it.
-        InputError: Arrays that do not fit together, too few rows, or options that contradict each other.
+        InputError: Arrays of inconsistent shapes, too few rows, or contradictory options.
         FileFormatError: A recording is missing or damaged.
 
     Examples:
@@ -281,7 +281,7 @@ def evaluate(
     accept: Sequence[str] = (),
     **arrays: Unpack[MotionArrays],
 ) -> Evaluation:
-    """Return a model's errors on data that it was not fitted to, beside the errors without it and with a fixed offset.
+    """Evaluate a model on data that it was not fitted to, against no correction and a fixed offset.
 
     Args:
         model: Model or its file; or a function of your own, as in `fit`.
@@ -290,7 +290,7 @@ def evaluate(
 
     Raises:
         DataError: Something is wrong with the data, such as other units.
-        InputError: Arrays that do not fit together, or other joints than the model's.
+        InputError: Arrays of inconsistent shapes, or joints other than the model's.
 
     Examples:
         >>> t = np.linspace(0.0, 60.0, 1800)
@@ -317,7 +317,7 @@ def refresh(
     accept: Sequence[str] = (),
     **arrays: Unpack[MotionArrays],
 ) -> Calibration:
-    """Return a model updated with minutes of a new day.
+    """Update a model with minutes of a new day.
 
     Args:
         model: Model or its file.
@@ -325,7 +325,7 @@ def refresh(
 
     Raises:
         DataError: Something is wrong with the data.
-        InputError: Other joints than the model's, or a recording that the model was fitted to.
+        InputError: Joints other than the model's, or a recording that the model was fitted to.
 
     Examples:
         >>> q = np.sin(np.linspace(0.0, 60.0, 1800))[:, None]

@@ -30,14 +30,14 @@ _BLOCKS_OUTSIDE = 5  # blocks that 1 - level amounts to: the new block then take
 _MIN_BLOCKS = 10
 _MIN_BLOCK_ROWS = 4
 _CHANCE_PROBABILITY = 0.05  # a coverage less likely than this under the stated one is not attributed to chance
-_STRETCH_PROBABILITY = 0.9  # share of stretches whose error and coverage are in the stated ranges
-_PROMISE_PROBABILITY = 0.95  # share of other minutes of a day whose RMSE is in the stated range
+_STRETCH_PROBABILITY = 0.9  # share of new stretches whose error and coverage are in the stated ranges
+_PROMISE_PROBABILITY = 0.95  # share of other minutes of the same day whose RMSE is in the stated range
 _LEAST_SQUARE = 1e-24  # [rad2|m2] below any error
-_MAX_LOG_ERROR = math.log(10.0)  # largest half-width of a stated range of log RMSE, with which nothing is known
+_MAX_LOG_ERROR = math.log(10.0)  # largest half-width of a stated range of log RMSE, which is uninformative
 _FITTED_WEIGHT = 0.368  # weight of the training error in the .632 estimate
 _STANDING_SHARE = 0.1  # share of a joint's RMS speed below which it stands still
-# speed is even if its squared mean is nearly its mean square (.98 on zig-zags, .5 to .94 on random motion), or if it is
-# within a tenth of its median on most rows (.75 of a zig-zag with half a minute of random motion, .1 of random motion)
+# speed is constant if its squared mean is nearly its mean square (.98 on zig-zags, .5 to .94 on random motion), or if
+# it is within a tenth of its median on most rows (.75 of a zig-zag with 30 s of random motion, .1 of random motion)
 _EVEN, _EVEN_WITHIN, _EVEN_SHARE = 0.95, 0.1, 0.5
 _SLOPE_SIGMAS = 2.0  # of the slope of errors over speed
 COVERAGE_LENIENCE = 0.5  # share of 1 - level by which a coverage may fall short: 85 % for 90 %
@@ -86,12 +86,12 @@ class DelayMargin(NamedTuple):
 def unseen_by_blocks(
     logs: Sequence[MotionLog], delays: Sequence[Delay | None], errors: CrossValidation, rates: Floats, level: float
 ) -> DelayMargin:
-    """Return the error that a joint's own delay may add if its motion does not determine that delay (`Delay.alone`).
+    """Bound the error from a delay of a single joint that its motion does not determine (`Delay.alone`).
 
-    A single joint's measurement may be late, never early. At even speed a fit absorbs all of the lag as hysteresis. At
-    uneven speed the part that does not follow the direction remains in the errors on blocks: its size, and its slope
-    over the speed, bound the delay. The RMS allows for the end of the delay's interval, half-widths for its middle.
-    Recordings are assumed to share their sensors, so that their intervals are intersected, unless they contradict each
+    A single joint's measurement may lag, never lead. At constant speed a fit absorbs the whole lag as hysteresis. At
+    varying speed the part that does not follow the direction remains in the errors on blocks: its size, and its slope
+    over the speed, bound the delay. The RMS uses the upper end of the delay's interval, half-widths its middle.
+    Recordings are assumed to share their sensors, so their intervals are intersected, unless they contradict each
     other.
 
     Args:
@@ -156,13 +156,13 @@ def expected(
     growth: Floats | float = 1.0,  # (N, n) as in `estimate_intervals`
     unseen: DelayMargin | None = None,  # margin of the model's intervals that `intervals` lack
 ) -> tuple[Spread, ...]:
-    """Return the spread over blocks with the RMSE and coverage to expect on another stretch as long as the data.
+    """Predict the range of RMSE and coverage on a new stretch as long as the data.
 
-    The new stretch's mean differs from the data's as two means of K parts do, by Student's distribution; the variance
+    The difference of the means of two stretches of K parts follows Student's distribution; the variance
     of a part's log RMSE or coverage is averaged over joints. The lower bound of the RMSE is the .632 estimate (Efron,
-    JASA 78, 1983), as the model saw more rows than those of the blocks. The upper bound comes from whole recordings
-    that were left out, if there are several, which are then the parts. In the margin of the valid range the error is at
-    most that of the fixed offset.
+    JASA 78, 1983), as the final model sees more rows than those of the blocks. With several recordings, the upper
+    bound comes from leaving out whole recordings, which are then the parts. In the margin of the valid range the error
+    is at most that of the fixed offset.
     """
     spread, of_others = errors.spread, errors.of_others
 
@@ -198,9 +198,9 @@ def expected(
 
 
 def rmse_of_other_minutes(left: Floats, block: Integers) -> tuple[Floats, Floats]:
-    """Return bounds (n,) of the RMSE on other minutes, from errors left (N, n) [rad|m] on blocks of time (N,).
+    """Return bounds (n,) of the RMSE on other minutes, from residual errors (N, n) [rad|m] on blocks of time (N,).
 
-    Their probability is _PROMISE_PROBABILITY, with the larger of the joint's variance over blocks and the joints' mean.
+    They hold with _PROMISE_PROBABILITY, for the larger of the joint's variance over blocks and the joints' mean.
     """
     parts = _log_rmse(left, block)
     variance = parts.var(axis=0, ddof=1)
@@ -223,7 +223,7 @@ def _log_rmse(errors: Floats, part: Integers) -> Floats:  # (K, n) of errors (N,
 
 
 def block_quantile(scores: Floats, block: Integers, level: float) -> float:
-    """Return the half-width that contains a share of a new block's scores (N,); infinity if blocks (N,) are too few."""
+    """Return the half-width that contains a share of a new block's scores (N,); infinity with too few blocks (N,)."""
     names, of_row, rows = np.unique(block, return_inverse=True, return_counts=True)
     if len(names) < _MIN_BLOCKS:
         return math.inf
@@ -264,8 +264,8 @@ def coverage_verdicts(evaluation: Evaluation) -> tuple[Verdict, ...]:
 def coverage_verdict(held: Flags, recording: Integers, level: float) -> Verdict:
     """Return the verdict on intervals' coverage, on rows (N,) that the model has not seen.
 
-    Rows depend on each other, so blocks of time are counted: the mean of their coverages is compared with a binomial of
-    K blocks, which varies most of all shares with that mean (Hoeffding, JASA 58, 1963).
+    Rows are correlated, so blocks of time are counted: the mean of their coverages is compared with a binomial of K
+    blocks, the distribution of largest variance with that mean (Hoeffding, JASA 58, 1963).
     """
     from scipy.stats import binom
 

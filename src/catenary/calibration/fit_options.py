@@ -58,7 +58,7 @@ class FitOptions:
         if self.ridge is not None and self.kind not in taking_ridge:
             raise InputError(f"ridge {self.ridge} of model {self.kind}: only {', '.join(taking_ridge)} take one")
         if self.coupled and not self.takes_friction:
-            raise InputError(f"coupled joints of model {self.kind}: only {LEARNED} takes any, of target error")
+            raise InputError(f"coupled joints of model {self.kind}: only {LEARNED} supports them, with target error")
         if (self.estimator is None) is (self.kind == OWN):
             raise InputError(f"model {self.kind}: an estimator or function makes model {OWN}, and that needs one")
 

@@ -131,7 +131,7 @@ def _vague_notes(spread: Sequence[Spread], unseen: DelayMargin) -> list[str]:
     vague = [f"{s.joint} {low:.3g} to {high:.3g} {s.unit}" for s, low, high in ranges if high > _VAGUE_RATIO * low]
     late = [rms / TO_SI[s.unit][1] for s, rms in zip(spread, unseen.rms, strict=True)]
     untold = ", ".join(s.joint for (s, _, high), own in zip(ranges, late, strict=True) if own > _UNTOLD_SHARE * high)
-    more = f", and half a minute of random motion, which tells whether {untold} is late by itself" if untold else ""
+    more = f", and half a minute of random motion, which shows whether {untold} alone is late" if untold else ""
     return [f"other minutes may err by {', '.join(vague)}, which says little: record longer{more}"] * bool(vague)
 
 
@@ -159,7 +159,7 @@ def _rows(recordings: Recordings, features: FeatureSet, run: FitRun) -> Rows:
     if smallest < MIN_ROWS:
         raise InputError(
             f"data: {rows} usable rows; with one of {run.folds} blocks left out {smallest} remain, expected at least "
-            f"{MIN_ROWS}; folds 0 is no cross-validation"
+            f"{MIN_ROWS}; folds 0 disables cross-validation"
         )
     return data, late, everything
 
@@ -193,14 +193,14 @@ def _concluded(
         notes.append(f"cables run over another joint's drum: play follows {followed}")
     seconds = None if options.record.in_c else Corrector(model).tick_seconds()
     if seconds is not None:
-        notes.append(f"a tick of a loop takes {1e3 * seconds:.2g} ms here, in Python: there is no C of the model")
+        notes.append(f"a tick of a loop takes {1e3 * seconds:.2g} ms here, in Python: the model has no C export")
     if options.is_function:
         notes.append("no block was left out of the function: its errors are a test if it has not seen the recordings")
     if validation is None:
         notes.append("no intervals: they are estimated from the cross-validation, which folds 0 leaves out")
     elif intervals is None:
         why = f"{len(validation.after_model)} rows are too few to hold {run.coverage:.0%} of errors"
-        notes.append(f"no intervals: {why}; that takes {fewest_rows(run.coverage)}, or a lower coverage")
+        notes.append(f"no intervals: {why}; this needs {fewest_rows(run.coverage)}, or a lower coverage")
     unseen = None if validation is None or late is not None else validation.after_model
     notes += _left_out_notes(model, recordings, everything, unseen)
     spread: tuple[Spread, ...] = ()

@@ -66,7 +66,7 @@ def choose_inputs(recordings: Recordings, options: FitOptions, *, held_out: floa
             play += [slack for slack in cables.slacks if slack[0] == along]
             steps += [(along, step)] if step > 0.0 else []
     if options.play and not play:
-        raise InputError(f"play: none of the inputs {', '.join(signals)} is the position of a joint that moved")
+        raise InputError(f"play: none of the inputs {', '.join(signals)} is the position of a moved joint")
     units = tuple(unit for _, unit in map(signals_of(log).__getitem__, signals))
     whole = period if steps else None
     features = FeatureSet(signals, units, tuple(play), friction, tuple(steps), tuple(paths), whole)

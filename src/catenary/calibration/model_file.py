@@ -58,12 +58,12 @@ def load_model(path: Path, own: Named | Sequence[Named] | None = None) -> tuple[
             raise
         if path.suffix not in ("", ".npz") and not is_zipfile(path):
             raise FileFormatError(
-                f"{path}: is no calibration model; expected one (.npz) that catenary fit wrote"
+                f"{path}: is not a calibration model; expected one (.npz) that catenary fit wrote"
             ) from error
         raise FileFormatError(damage(path, str(error).removeprefix(f"{path}: "), remedy)) from error
     if not {"structure", "card"} <= set(arrays) or "combination" in arrays:
         raise FileFormatError(
-            f"{path}: is no calibration model ({content_in_words(arrays)}); models are written by catenary fit"
+            f"{path}: is not a calibration model ({content_in_words(arrays)}); models are written by catenary fit"
         )
     try:
         for key, values in arrays.items():
@@ -78,7 +78,7 @@ def load_model(path: Path, own: Named | Sequence[Named] | None = None) -> tuple[
         model = parse_settings(found, CalibrationModel, "structure", renewed)
         if model.kind in RETIRED or model.preset == "best":
             name = f"{model.kind} {model.preset or ''}".strip()
-            _log.warning("%s: models of kind %s are no longer fitted, and err more: fit again", path, name)
+            _log.warning("%s: models of kind %s are no longer fitted and less accurate: fit again", path, name)
         else:
             kind_of(model.kind, model.preset)  # refuses unknown ones
         check_names("joint", model.joint_names)
@@ -93,7 +93,7 @@ def load_model(path: Path, own: Named | Sequence[Named] | None = None) -> tuple[
             raise
         why = str(error) if isinstance(error, CatenaryError) else repr(error)
         raise FileFormatError(
-            damage(path, f"is no calibration model, or of another version: {cut(why)}", remedy)
+            damage(path, f"is not a calibration model, or of another version: {cut(why)}", remedy)
         ) from error
     return with_estimators(model, own), card
 
@@ -104,7 +104,7 @@ def _renew(found: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> dict[str, 
     intervals.pop("margin", None)
     skipping = [g for g in found["groups"] if g["predictor"].pop("skip", None)]
     if features.pop("midlines", None) or skipping:
-        raise InputError("it takes midlines of torques, or a line beside a network, which are gone: fit again")
+        raise InputError("it uses torque midlines or a network's linear part, no longer supported: fit again")
     for k, group in enumerate(found["groups"]):
         own: dict[str, Any] = group["predictor"]
         old: dict[str, Any] = {key: arrays.get(v, v) if isinstance(v, str) else v for key, v in own.items()}

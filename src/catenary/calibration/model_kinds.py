@@ -86,7 +86,7 @@ _KINDS = (
     ),
     ModelKind(
         "learned",
-        "a regression on positions, loads and play states that blocks of time tune",
+        "a ridge regression on positions, loads and play states, tuned on blocks of time",
         "learned:fit_learned",
         ("features", "columns", "joints", "block", "recording", "penalties"),
         play_shares=_PLAY_SHARES,
@@ -96,7 +96,7 @@ _KINDS = (
     ),
     ModelKind(
         "own",
-        "an estimator or a function of yours, as MODULE:NAME",
+        "your own estimator or function, as MODULE:NAME",
         "own_model:fit_own",
         ("estimator", "seed"),
         play_shares=_PLAY_SHARES,

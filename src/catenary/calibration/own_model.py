@@ -165,7 +165,7 @@ def _unpacked(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
         unknown = list(map(str, skops.get_untrusted_types(data=content)))
     packages = {item.__module__.partition(".")[0] for item in classes}
     if others := [item for item in unknown if not _is_class_of(packages, item)]:
-        raise InputError(f"model of {name_of(main)}: holds {', '.join(others)} too: name them beside it")
+        raise InputError(f"model of {name_of(main)}: also holds {', '.join(others)}: name them too")
     with reading(what, "skops writes it", (*UNREADABLE, ImportError)):
         found = skops.loads(content, trusted=unknown)
     if type(found) is not main:

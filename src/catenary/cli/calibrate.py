@@ -184,7 +184,7 @@ class DeployedOnRos:
         from catenary.nodes.calibrated_topics import CalibratedTopics, reader_of
 
         if self.gravity_torque and self.gravity is None:
-            print_notes(["gravity torques are those of a level base; --gravity tells of another"])
+            print_notes(["gravity torques are those of a level base; --gravity gives another"])
         robot = values_of(self, "dialect", "namespace", "gravity")
         topics_of = {"rate_hz": self.rate, **values_of(self, "gravity_torque", "for_control")}
         with (
@@ -209,8 +209,8 @@ def deploy(
     model: Path = argument("MODEL", "Calibration model of the project's robot."),
     project: Path | None = argument("PROJECT", "Its folder; not with --ros.", None, not_with=("ros", "ros_distro")),
     seconds: float | None = option(None, "Duration. [default: 20; with --ros until Ctrl-C]"),
-    real_time: bool = option(None, "Keep time with the clock.", True, flag="--real-time/--fast", not_with="ros"),
-    as_is: bool = option(None, "The robot's reports are corrected already: take them as they are.", False),
+    real_time: bool = option(None, "Run in real time, not faster.", True, flag="--real-time/--fast", not_with="ros"),
+    as_is: bool = option(None, "The robot's reports are already corrected: use them unchanged.", False),
     own: str | None = OWN_CLASS,
 ) -> None:
     """Run a model in a robot's loop, or next to a robot on ROS.

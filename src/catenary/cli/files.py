@@ -82,7 +82,7 @@ def export(
     friction: Numbers | None = option("F,F,...", "Coulomb friction of the joints in Nm and N."),
     viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise."),
     tool: Path | None = option(
-        "FILE", "Also take this tool out of a wrist's forces: catenary payload --tool wrote it."
+        "FILE", "Also subtract this tool from wrist forces; a file that catenary payload --tool wrote."
     ),
 ) -> None:
     """Write a robot and a calibration model as C.
@@ -122,7 +122,7 @@ def import_recording(
     units: str | None = option("U,U,...", "rad, deg, m or mm per joint, or one for all, where a mapping has none."),
     robot: str | None = option("ROBOT", "Catalogue name or file: names and units of the joints."),
     clock: Sequence[str] = option(
-        "SECONDS,PPM", "By which the clock of other files than q_nominal's is ahead, and gains; FILE=... of one."
+        "SECONDS,PPM", "Offset and drift of other files' clocks against q_nominal's; FILE=... of one."
     ),
     yes: bool = option(None, "Accept the proposed mapping, unless a question is open.", False),
     answer: Sequence[str] = option("QUESTION=ANSWER", "Answer an open question, as q_encoder=cam; repeatable."),
@@ -145,10 +145,10 @@ def import_recording(
         proposal = propose_mapping(sources, units=units, robot=robot, answers=answers)
         content = {"proposal": proposal.toml, "decisions": proposal.decisions, "questions": proposal.questions}
         print_result({**content, "not_used": proposal.not_used}, proposal.toml.rstrip("\n"))
-        todo = "answer what is marked OPEN there (or by --answer, with --out), " if proposal.questions else "check it, "
+        todo = "answer the OPEN questions (or use --answer, with --out), " if proposal.questions else "check it, "
         note = f"this is a proposal; nothing was imported. Write it to a file, {todo}and: catenary import "
         note += f"{shlex.join(map(str, sources))} --mapping FILE.toml --out LOG.parquet"
-        note += "" if proposal.questions else ", or take it as it is: --yes --out LOG.parquet"
+        note += "" if proposal.questions else ", or accept it: --yes --out LOG.parquet"
         print_notes([note] * (not prints_json()))
         if out is not None:
             raise InputError(f"--out {out}: nothing was written: there is no mapping yet")
@@ -179,7 +179,7 @@ def import_recording(
     rows += f", {done.measured or 'none'} of them with q_encoder" + (", which a fit needs" * (not done.measured))
     facts = [("joints:", joints_text(log)), ("rows:", rows)]
     facts += [*([] if delay is None else [("delay:", delay)]), ("log:", str(out))]
-    notes = [*done.notes, *(f"a fit will refuse this log as it is: {doubt}" for doubt in doubts)]
+    notes = [*done.notes, *(f"a fit will refuse this log: {doubt}" for doubt in doubts)]
     notes += [
         f"{finding.name}: {finding}" for finding in done.findings if not finding.refuses and str(finding) != delay
     ]

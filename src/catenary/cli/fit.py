@@ -78,7 +78,7 @@ class ModelOptions:
         "SIGNALS", "Inputs: q, tau, qd, all, q:J1; or 'J1=q:J1;J2=q'. [default: q, and tau if recorded]", read=_inputs
     )
     play: Numbers | None = option(
-        "SHARES|on|off", "Also take play states, of these shares of each joint's motion.", read=_play_shares
+        "SHARES|on|off", "Also use play states; half-widths as shares of each joint's motion.", read=_play_shares
     )
     target: str = option("error|position", "Learn the joint error, or the joint position end to end.", "error")
     coupled: Names | None = option(
@@ -91,9 +91,9 @@ class ModelOptions:
     folds: int = option("N", "Blocks of the cross-validation; 0 for none.", 5, least=0)
     coverage: float = option("SHARE", "Share of errors that the intervals hold.", 0.9)
     max_error: Numbers | None = MAX_ERROR
-    instrument: str | None = option("NAME", "For the card: which instrument the arm held, such as its serial number.")
-    tool: str | None = option("NAME", "For the card: the kind of tool, such as large-needle-driver.")
-    date: str | None = option("DAY", "For the card: day of recordings whose stamps tell none, e.g. 2026-05-14.")
+    instrument: str | None = option("NAME", "For the card: the arm's instrument, e.g. its serial number.")
+    tool: str | None = option("NAME", "For the card: the kind of tool, e.g. large-needle-driver.")
+    date: str | None = option("DAY", "For the card: day of recordings without dated stamps, e.g. 2026-05-14.")
 
     def options(self, seed: int) -> "FitOptions":
         """Return the options of the model, its training by this seed."""
@@ -125,7 +125,7 @@ def fit(
     seed: int = option("N", "Seed of all randomness.", 0, least=0, most=_MAX_SEED),
     accept: Sequence[str] = ACCEPT,
     workers: int = option("N", "Processes that read and fit side by side.", 1, least=1),
-    cluster: str | None = option("ADDRESS", "A Dask scheduler in their place, such as tcp://HOST:8786."),
+    cluster: str | None = option("ADDRESS", "Dask scheduler to use instead, e.g. tcp://HOST:8786."),
     report: Path | None = REPORT,
 ) -> None:
     """Fit a calibration model; print its error on other data.
@@ -205,12 +205,12 @@ def evaluate(
 def refresh(
     held: HeldModel, out: Path = option("MODEL", f"Refreshed model to write. {NAMED_AS_TYPED}", REQUIRED, writes=MODEL)
 ) -> None:
-    """Bring a model up to date with minutes of a new day.
+    """Update a model with minutes of a new day.
 
-    The level of friction comes first, where the model has friction states. Then each joint gets the smallest change
-    that blocks of time of the new data support: nothing, or zero and scale. The card
-    says from which model it comes, what moved, and since when.
-    `catenary excite --refresh` drives minutes that show enough.
+    If the model has friction states, their level is updated first. Then each joint gets the smallest change that
+    cross-validation on the new data supports: nothing, or zero and scale. The card
+    states the original model, what changed, and since when.
+    `catenary excite --refresh` drives a motion that shows enough.
 
     Example: catenary refresh arm.npz today.parquet --out arm_today.npz
     """
@@ -237,7 +237,7 @@ def drift(
 ) -> None:
     """Print errors over days, of a model or of cards.
 
-    Give a model and recordings in the order of time: errors from homing to homing. Or give several models or their
+    Give a model and recordings in chronological order: errors from homing to homing. Or give several models or their
     .card.json: errors, delays and zeros by date. The exit code is 1 if a joint's errors at the end are beyond what the
     model promises, or if a recording has a fault other than drift.
 
@@ -276,7 +276,7 @@ def _arm_drift(held: HeldModel) -> None:
     changes, notes = changes_of_files(held.model, held.data, reading=held.reading(), accept=held.accept)
     table = Table(["recording", "finding", ("joints", lambda one: ", ".join(one.joints)), "says"], changes, "Changes")
     content = {"changes": [one._asdict() for one in changes], "notes": notes}
-    print_result(content, table if changes else "nothing differs from what was identified", notes=notes)
+    print_result(content, table if changes else "no difference from the identification", notes=notes)
     if changes:
         raise typer.Exit(FAULT_FOUND)
 

@@ -55,11 +55,11 @@ class Conditions:
     payload: float = option("KG", "Mass at the tool's wrist, unknown to the model.", 0.0, least=0.0)
     kp: Numbers | None = option("K,K,...", "Stiffness of PD in Nm/rad and N/m: one number, or one a joint.")
     kd: Numbers | None = option("K,K,...", "Damping of PD in Nms/rad and Ns/m, likewise.")
-    friction: Numbers | None = option("F,F,...", "Coulomb friction in Nm and N; RAVENs have their cables'.")
+    friction: Numbers | None = option("F,F,...", "Coulomb friction in Nm and N; RAVENs use their cables'.")
     viscous: Numbers | None = option("F,F,...", "Viscous friction in Nms/rad and Ns/m, likewise.")
-    simulated_imu: bool = option(None, "Measure gravity with a simulated IMU; so do all options of sensors.", False)
+    simulated_imu: bool = option(None, "Measure gravity with a simulated IMU; implied by all sensor options.", False)
     sensor_bias: Triple | None = option("X,Y,Z", "Residual bias of the simulated accelerometer, in m/s2.")
-    imu_frame: str | None = option("FRAME", "Frame of the robot that the simulated IMU is at. [default: its base]")
+    imu_frame: str | None = option("FRAME", "Frame of the robot with the simulated IMU. [default: its base]")
     seed: int | None = SIMULATED_SEED
 
     def as_data(self) -> dict[str, Any]:
@@ -156,7 +156,7 @@ def gravity(
         held = partial(gravity_torque, model)
     except ClosedLoopError as error:
         if latex or vendor is not None:
-            raise InputError(f"--latex, --for: are of trees alone; {error}") from error
+            raise InputError(f"--latex, --for: not for closed loops; {error}") from error
         arm = closed = loaded.load_closed(robot)
         model, held = closed.opened, closed.gravity_torque
     model.require_masses()

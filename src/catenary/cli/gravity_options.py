@@ -147,7 +147,7 @@ GRAVITY_TOPIC = option(
 class SensingOptions:
     """Options of every command that turns samples of a sensor into gravity."""
 
-    mounting_on: str = option("|".join(BASES), "Platform: how soon a sensor is doubted there, and settles.", "table")
+    mounting_on: str = option("|".join(BASES), "Platform type: sets fault thresholds and settling times.", "table")
     sensor_noise: float | None = option("M/S2", "Noise of an axis of a simulated sensor. [default: 0.04]", least=0.0)
     hanging: bool = option(None, "The base may hang upside down.", False)
     fallback: str = option(
@@ -156,7 +156,7 @@ class SensingOptions:
     stale_after: float = option("S", "Age from which the newest sample is stale.", 0.05)
     age_limit: float = option("S", "Age from which the fallback acts.", 0.2)
     attitude_time: float | None = option("S", "Averaging time of the direction of fade. [default: by --mounting-on]")
-    start_limit: float = option("S", "With --fallback stop: stop if no valid sample came by then.", 1.0)
+    start_limit: float = option("S", "With --fallback stop: stop if no valid sample arrives by then.", 1.0)
 
     def as_data(self) -> dict[str, Any]:
         """Return the given options as plain data."""

@@ -86,12 +86,12 @@ def identify(
     data: Sequence[Path] = _LOGS,
     robot: str = option("ROBOT", "Catalogue name or file; needs no inertia.", REQUIRED),
     out: Path = option("FILE", f"Parameters to write, e.g. arm.npz. {NAMED_AS_TYPED}", REQUIRED, writes=PARAMETERS),
-    test: Sequence[Path] = option("LOG", "A recording to judge the result by; may be repeated."),
-    joints: Names = option("J,J,...", "Joints to identify, of a longer arm that holds the others. [default: all]", ()),
-    currents: bool = option(None, "Torques are motor currents: find the drives' gains, by --load.", False),
+    test: Sequence[Path] = option("LOG", "Recording to test the result on; repeatable."),
+    joints: Names = option("J,J,...", "Joints to identify; the arm holds its others still. [default: all]", ()),
+    currents: bool = option(None, "Torques are motor currents: identify drive gains, with --load.", False),
     load: tuple[float, Path] | None = option("KG LOG", "Mass at the tip, recording with it.", goes_with="currents"),
     payload: tuple[float, str, float, float, float] | None = option(
-        "KG FRAME X Y Z", "What it carries all along, its centre in a frame, in m. [default: as recordings show]"
+        "KG FRAME X Y Z", "Its payload in all recordings, centre in a frame, in m. [default: as recordings show]"
     ),
     accept: Sequence[str] = ACCEPT,
     urdf: Path | None = option("FILE", "Also write the robot as URDF; not with --free.", writes=URDF),
@@ -135,12 +135,10 @@ def identify(
 @prints_tables
 def identify_cable(
     recordings: RecordingOptions,
-    data: Path = argument(
-        "LOG", "Recording with positions, torques and, where there is one, an encoder at the joints."
-    ),
+    data: Path = argument("LOG", "Recording with positions, torques and, if available, joint encoders."),
     accept: Sequence[str] = ACCEPT,
 ) -> None:
-    """Find friction and stiffness of each joint's cable.
+    """Identify friction and stiffness of each joint's cable.
 
     From reversals, with 95 % intervals; best one joint at a time, at 100 Hz or more, with several speeds. Without an
     encoder at the joints, friction alone.
@@ -188,10 +186,10 @@ def payload(
     data: Sequence[Path] = _LOGS,
     model: Path | None = option("FILE", "Parameters that catenary identify wrote."),
     at: Place | None = option("FRAME X Y Z", "Place of the payload in a frame, in m. [default: anywhere]"),
-    unloaded: Sequence[Path] = option("LOG", "A recording of the same day without payload; may be repeated."),
+    unloaded: Sequence[Path] = option("LOG", "Recording of the same day without payload; repeatable."),
     external: Path | None = option(
         "FILE",
-        "In place of a payload: write the external joint torques, row by row, as .csv.",
+        "Instead of a payload: write external joint torques per row, as .csv.",
         writes=EXTERNAL,
         not_with=("at", "wrist_sensor"),
     ),
@@ -200,8 +198,8 @@ def payload(
 ) -> None:
     """Estimate an arm's payload, a wrist's tool, or a push.
 
-    The table of a wrist sensor has a row for each of six poses at rest or more: the joints by name in rad and m, fx,
-    fy, fz in N and tx, ty, tz in Nm in the sensor's axes. Mass, centre of mass and the sensor's biases come out.
+    The table of a wrist sensor has a row for each of six or more poses at rest: the joints by name in rad and m, fx,
+    fy, fz in N and tx, ty, tz in Nm in the sensor's axes. It gives mass, centre of mass and the sensor's biases.
 
     Example: catenary payload loaded.npz --model psm.npz --at pitch 0.024 0.535 0
     Example: catenary payload poses.csv --wrist-sensor ur10e
@@ -341,7 +339,7 @@ class CollisionOptions:
             tuple(obstacles),
             1e-3 * self.margin_mm,
             tuple(self.may_touch),
-            f"{model.name} has no shapes, and no masses that tell how thick its links are: give --link-radius-mm MM",
+            f"{model.name} has no shapes, and no masses to estimate link radii from: give --link-radius-mm MM",
         )
 
 
@@ -383,9 +381,9 @@ def excitation(
     ros: int = option("1|2", "ROS that --trajectory is for.", 2, goes_with="trajectory"),
     seed: int = option("N", "Seed of everything random.", 0, least=0),
 ) -> None:
-    """Design a motion to identify an arm from; moves nothing.
+    """Design a motion to identify an arm; moves nothing.
 
-    It keeps the arm's limits and hits nothing; --static designs poses to hold.
+    It keeps the arm's limits and avoids collisions; --static designs poses to hold.
 
     Example: catenary excitation panda --floor-m 0 --out motion.csv
     """

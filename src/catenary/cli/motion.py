@@ -35,9 +35,9 @@ def goto(
 ) -> None:
     """Move a robot to a place.
 
-    It goes gently, all joints arriving together, and prints where joints and tip ended, in the units that were asked
-    in; of a robot simulated here also how far they really are from what is reported. Ctrl-C stops it there. However
-    it ends, the robot holds and is paused. A robot that is not homed and enabled is refused.
+    All joints move slowly and arrive together. It prints the final positions of joints and tip in the units of the
+    command; for a robot simulated here also the errors of the reported positions. Ctrl-C stops the robot. However
+    the motion ends, the robot holds and is paused. A robot that is not homed and enabled is refused.
 
     Example: catenary goto --fast --q-deg 33,88,395
     """
@@ -87,15 +87,15 @@ def follow(
     file: Path = argument("FILE", ".csv, .parquet, .npz: time, joints, with units."),
     rows_per_second: float | None = option(None, "Rate of a CSV that holds numbers alone. [default: 64.3]"),
     blend: float = option(None, "Seconds over which velocities are averaged.", 0.5),
-    largest_deg_s: float | None = option(None, "Refuse to turn faster. [default: 28.6]"),
-    largest_mm_s: float | None = option(None, "Refuse to slide faster. [default: 10]"),
+    largest_deg_s: float | None = option(None, "Refuse faster rotation. [default: 28.6]"),
+    largest_mm_s: float | None = option(None, "Refuse faster sliding. [default: 10]"),
     from_afar: bool = option(None, "Allow a start over 60 deg, 150 mm away.", False),
 ) -> None:
     """Move a robot along the rows of a file.
 
-    It begins at the beginning, and all of it is checked before anything moves: units, limits, speeds, how
-    far away it starts. A motion that was stopped (Ctrl-C) is not taken up again where it ended: the next
-    one begins at the beginning. However it ends, the robot holds and is paused.
+    The whole motion is checked before anything moves: units, limits, speeds, and the distance to its start.
+    It always starts at the first row: a motion that was stopped (Ctrl-C) is not resumed.
+    However it ends, the robot holds and is paused.
     """
     from catenary.workflows.robot.operator_motion import MAX_VELOCITY, leaves_rows, read_followed_file
     from catenary.workflows.robot.operator_motion import follow_motion as follow_file

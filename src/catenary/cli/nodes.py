@@ -41,8 +41,8 @@ class ServedRobot:
     seed: int | None = SIMULATED_SEED
     base_tilt_deg: tuple[float, float] = replace(BASE_TILT, default=LEVEL_BASE)
     payload: float = option("KG", "Mass at the tool's wrist.", 0.0)
-    green: bool = option(None, "Let the green arm move too; else it is parked.", False)
-    homed: bool = option(None, "Begin homed; homing takes half a minute.", False)
+    green: bool = option(None, "Move the green arm too; otherwise it is parked.", False)
+    homed: bool = option(None, "Start homed; homing takes half a minute.", False)
     encoders: bool = option(
         None, "Publish external encoders of a RAVEN-II, a tracker of a PSM.", True, flag="--encoders/--no-encoders"
     )
@@ -96,7 +96,7 @@ def serve(
         # an entry of one that crashed may have to lapse
         server = make_server(serving, transport, rate_hz=rate)
         prepare_server(server)
-        where = {"1": "over ROS 1", "2": "over ROS 2", "none": "to nobody: without ROS no other program hears it"}[ros]
+        where = {"1": "over ROS 1", "2": "over ROS 2", "none": "without ROS: no other program receives them"}[ros]
         pressed = "" if server.button is None else "; `catenary button` presses the silver button"
         print_notes(
             [f"serving {server.published} topics in dialect {serving.dialect} {where}; Ctrl-C ends it{pressed}"]
@@ -203,7 +203,7 @@ class GravityOutputs:
     rate: float = option("HZ", "Rate at which gravity is published.", 100.0)
     topic: str = option("TOPIC", "Topic that gravity is published on.", "/gravity")
     frame: str | None = option("NAME", "frame_id of the published gravity. [default: the mounting's base]")
-    delta_of: str | None = option("ROBOT", "Also publish the torques that its level-base firmware lacks: TOPIC/delta.")
+    delta_of: str | None = option("ROBOT", "Also publish torques to add to its level-base firmware: TOPIC/delta.")
     joints: str = option("TOPIC", "Joints of --delta-of, a sensor_msgs/JointState.", "/joint_states")
     urscript: str | None = option("TOPIC", "Also set gravity on a Universal Robot, by its driver's script topic.")
 
@@ -279,9 +279,9 @@ class ToolTopics:
     gravity: str | None = option("TOPIC", "Gravity of `catenary gravity-node`. [default: of a level base]")
     topic: str = option("TOPIC", "Topic that wrenches are published on.", "/tool/wrench")
     frame: str | None = option("FRAME", "Frame of the robot to publish wrenches in. [default: the sensor's own]")
-    inertia: bool = option(None, "Also take out what accelerates the tool.", False)
+    inertia: bool = option(None, "Also subtract the tool's inertial forces.", False)
     drift: float = option("N/MIN", "Rate of the sensor's zero that is followed while nothing touches.", 0.0, least=0.0)
-    wait: float = option("S", "Publish so late, for joint states about each reading.", 0.03, least=0.0)
+    wait: float = option("S", "Publishing delay, for joint states around each reading.", 0.03, least=0.0)
 
 
 @_prints_json_lines

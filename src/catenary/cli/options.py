@@ -275,7 +275,7 @@ def _reader(kind: Any) -> Read | None:
 _LATEX = option(None, "Print tables for LaTeX with booktabs, nothing else.", False, flag="--latex", not_with="as_json")
 _ON_ROS = ("ros", "project")  # whose settings may say where its robot is
 _TRANSPORT = option(
-    "|".join(BY_ROS2), f"{'; '.join(map(str, BY_ROS2.values()))}. [default: the first that is there]", goes_with=_ON_ROS
+    "|".join(BY_ROS2), f"{'; '.join(map(str, BY_ROS2.values()))}. [default: the first available]", goes_with=_ON_ROS
 )
 _ROS_DISTRO = option(
     "NAME", "On ROS 2: distribution of the other programs. [default: ROS_DISTRO, or jazzy]", goes_with=_ON_ROS

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from catenary.workflows.project.folder import Project, ProjectSettings
     from catenary.workflows.project.robot import ProjectRobot
 
-FOLDER = argument("PROJECT", "Folder of the project; made if it is not there.")
+FOLDER = argument("PROJECT", "Folder of the project; created if missing.")
 BEGUN_FOLDER = argument("PROJECT", "Folder of a project that was begun.")
 ARM_NAMESPACE = option("/NAME", "Namespace of a dVRK PSM's topics. [default: /PSM1]")
 ARM_KIND = option("ROBOT", "Robot of a new project: raven2 or dvrk_psm. [default: raven2]")
@@ -57,7 +57,7 @@ class ExcitationOptions(ArmOptions):
         "S,S,...", "Sparsities of the zig-zags. [default: 1/2,1/3,1/4]", read=_fractions, flag="--sparsity"
     )
     random_seconds: float | None = option(
-        "S", "Random motion after a zig-zag, which tells joints' own delays; 0 for none. [default: 30]"
+        "S", "Random motion after a zig-zag, to find delays of single joints; 0 for none. [default: 30]"
     )
     train_minutes: float | None = option("MIN", "Length of a dVRK PSM's training motion. [default: 20]")
     state_rate_hz: float | None = option("HZ", "Rate of raven_state, 30 or 100. [default: 30]", flag="--state-rate")
@@ -105,7 +105,7 @@ def require_project(folder: Path) -> None:
     from catenary.workflows.project.folder import is_project
 
     if not is_project(folder):
-        raise InputError(f"{folder}: is no project; begin one with catenary home, excite or calibrate")
+        raise InputError(f"{folder}: is not a project; begin one with catenary home, excite or calibrate")
 
 
 @contextmanager

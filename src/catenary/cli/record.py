@@ -72,11 +72,11 @@ def home(
 def excite(
     arm: projects.ExcitationOptions,
     access: projects.RobotAccess,
-    project: Path | None = argument("PROJECT", "Folder of the project; made if it is not there.", None),
+    project: Path | None = argument("PROJECT", "Folder of the project; created if missing.", None),
     robot: str | None = projects.ARM_KIND,
     namespace: str | None = projects.ARM_NAMESPACE,
-    refresh: bool = option(None, "Minutes of full reversals of each joint, which catenary refresh takes.", False),
-    out: Path | None = option("FILE", "Write those minutes; move nothing.", writes=EXCITATION, goes_with="refresh"),
+    refresh: bool = option(None, "Minutes of full reversals of each joint, for catenary refresh.", False),
+    out: Path | None = option("FILE", "Write that motion; move nothing.", writes=EXCITATION, goes_with="refresh"),
 ) -> None:
     """Record a project's robot along its calibration motion.
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 RECORDINGS = argument("DATA", "Recordings: .parquet logs, .npz with q_des, q_act (SI), RAVEN-II .csv; others by --map.")
 ACCEPT = option("NAME", "Continue despite the finding of this name; repeatable.")
 MAX_ERROR = option("E,E,...", "Leave out rows with larger errors, per joint in deg, mm.")
-OWN_CLASS = option("MODULE:NAME", "Class or function of a model of your own; others that it is made of after a comma.")
+OWN_CLASS = option("MODULE:NAME", "Class or function of your own model; others it consists of after a comma.")
 _READS = ("data", "train", "log", "file", "sources", "mcap")  # parameters that name a recording
 
 
@@ -51,14 +51,14 @@ class MappingOptions:
 class RecordingOptions(MappingOptions):
     """Options of reading recordings, third-party ones too, and of correcting them."""
 
-    units: str | None = _of_recordings("U,U,...", "Joints' units: rad, m, deg, mm, cm; q_encoder:deg,... of it alone.")
+    units: str | None = _of_recordings("U,U,...", "Joints' units: rad, m, deg, mm, cm; q_encoder:deg,... for it alone.")
     swap: Sequence[str] = _of_recordings("J,J", "Exchange these measured columns; tau:J,J of torques.")
     sign: Sequence[str] = _of_recordings("J", "This measured column has the wrong sign; tau:J of torques.")
-    unwrap: Sequence[str] = _of_recordings("J=PERIOD", "Take whole periods [rad, m] off this measured column.")
+    unwrap: Sequence[str] = _of_recordings("J=PERIOD", "Subtract whole periods [rad, m] from this measured column.")
     scale: Sequence[str] = _of_recordings("J=F", "Multiply this measured column; tau:J=F of torques.")
     offset: Sequence[str] = _of_recordings("J=X", "Add this to a measured column; q_nominal:J=X of positions [rad, m].")
     couple: Sequence[str] = _of_recordings("J/J=F", "Add F times the second's measured column to the first's.")
-    clock: Sequence[str] = _of_recordings("SECONDS,PPM", "Time by which measurements lag at first, and how it grows.")
+    clock: Sequence[str] = _of_recordings("SECONDS,PPM", "Delay of measurements at the start, and its growth.")
     delay: float = _of_recordings("SECONDS", "Time by which measurements lag the commands.", 0.0)
     shift: int = _of_recordings("ROWS", "The same in rows, for recordings without time stamps.", 0)
     time_unit: str = _of_recordings("UNIT", "Unit of the stamps: s, ms, us, ns, min or ks.", "s")

@@ -52,7 +52,7 @@ class LoadedOptions(DescriptionOptions):
 
     xacro: bool = option(None, "Expand a xacro file that you trust: this runs the Python in it.", False)
     payload: float = option("KG", "Mass that the robot carries.", 0.0, least=0.0)
-    payload_on: str | None = option("FRAME", "Frame it is fixed to. [default: the tip]", goes_with="payload")
+    payload_on: str | None = option("FRAME", "Frame of the payload. [default: the tip]", goes_with="payload")
     payload_at: Triple = option("X,Y,Z", "Its centre of mass there, in m.", (0.0, 0.0, 0.0), goes_with="payload")
     payload_inertia: Six | None = option(
         "XX,XY,XZ,YY,YZ,ZZ", "Its inertia about that point, in kg m2. [default: a point mass]", goes_with="payload"
@@ -153,7 +153,7 @@ def beyond_limits(model: "Bounded", values: "Floats") -> list[str]:
 
 
 NODE_NAME = option("NAME", "Name of this program's ROS node. [default: catenary_COMMAND_PID]")
-CARRIER = option("|".join(CARRIERS), "ROS version that carries the messages.", "1", joins_ros=True)
+CARRIER = option("|".join(CARRIERS), "ROS version of the messages.", "1", joins_ros=True)
 DIALECT = option("|".join(DIALECTS), "With --ros: dialect of its topics. [default: the robot's own]", goes_with="ros")
 _NAMESPACE = option("/NAME", "With --dialect crtk: namespace of the robot's topics.", goes_with="ros")
 SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the nominal one]", least=0)

@@ -266,7 +266,7 @@ def _identifiability(report: "RegressorReport") -> list[Any]:
     kinds = ([WORDS[kind] for kind in report.identifiable(base)] for base in ("level", "tilted"))
     units = ["kg" if name.startswith("m(") else "kg m" for name in names]
     rows: list[Any] = list(zip(names, *kinds, report.standard_values, units, strict=True))
-    title = f"{report.model.name}: do gravity torques tell masses m, and moments m c in the links' frames?"
+    title = f"{report.model.name}: do gravity torques identify masses m, and moments m c in link frames?"
     standard = Table(["parameter", "level base", "tilted base", value, "unit"], rows, title, left=3)
     rows = [[name, base.count, len(names), base.condition] for name, base in report.bases.items()]
     bases = Table(["base", "combinations", "of", ("condition", ":.3g")], rows, "What torques tell")

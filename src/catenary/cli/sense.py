@@ -118,7 +118,7 @@ def sense(
 ) -> None:
     """Show gravity as a sensor on the base measures it.
 
-    With --tumble the sensor is calibrated. On a base that moves by itself, --mounting-on says how. --replay reads a
+    With --tumble it calibrates the sensor. On a moving base, give the platform type by --mounting-on. --replay reads a
     recording in place of a sensor. The exit code is 1 when no sample was valid, or a tumble found a fault.
 
     Example: catenary sense --simulated --base-tilt-deg 10,5 --duration 2 --mounting-on ship

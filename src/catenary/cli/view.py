@@ -138,11 +138,11 @@ def monitor(
     seconds: float | None = option(None, "How long to watch. [default: until Q or Ctrl-C]"),
     gravity: str | None = GRAVITY_TOPIC,
 ) -> None:
-    """Show what a robot does.
+    """Show the state of a robot.
 
-    Joints, setpoints, torques, gravity, state, warnings; a robot is only read. In a terminal a screen that
-    is drawn 25 times a second; in a pipe a line a second. Of a robot simulated here it also shows how far joints
-    and tip really are from what is reported. `catenary view --log` plays a recording.
+    Joints, setpoints, torques, gravity, state, warnings; it only reads the robot. In a terminal the screen
+    is updated 25 times a second; a pipe gets a line a second. For a robot simulated here it also shows the errors of
+    the reported joints and tip. `catenary view --log` plays a recording.
 
     Example: catenary monitor --model demo/models/recommended.npz
     """

@@ -96,7 +96,7 @@ def parse_ros_arguments(words: Sequence[str]) -> RosArguments:
             )
     taken = [one for one in topics.values() if list(topics.values()).count(one) > 1]
     if taken:
-        raise InputError(f"{BEGIN}: two names become {taken[0]}; each needs one of its own")
+        raise InputError(f"{BEGIN}: two names become {taken[0]}; each needs its own")
     return RosArguments(topics, node, namespace)
 
 
@@ -149,7 +149,7 @@ class TransportKind:
         except ImportError as error:
             raise MissingPackageError(f"transport {self.name}: {error}. {self.advice or to_install('ros2')}") from error
         if self.is_of_a_distribution and os.environ.get("ROS_DISTRO") in _TELLING_NO_SENDER:
-            _logger.warning("this %s does not tell who sent a message: two programs may command an arm", self.name)
+            _logger.warning("this %s does not identify senders: two programs may command an arm", self.name)
         return made(name, arguments=said, **options) if self.ros == "2" else made(name, **options)
 
 
@@ -158,13 +158,13 @@ _KINDS = (
     TransportKind(
         "rclpy",
         "2",
-        "ROS 2 where it is installed, with crtk_msgs",
+        "the installed ROS 2, with crtk_msgs",
         "rclpy_transport:RclpyTransport",
         needs=("crtk_msgs.msg",),  # without it no state can be sent
         advice="Source the setup of a ROS 2 for this Python, and of crtk_msgs",
         is_of_a_distribution=True,
     ),
-    TransportKind("dds", "2", "ROS 2 by DDS alone", "dds.transport:DdsTransport"),
+    TransportKind("dds", "2", "ROS 2 by DDS, without ROS installed", "dds.transport:DdsTransport"),
     TransportKind("loopback", "none", "within this program", "loopback:Loopback"),
 )
 TRANSPORTS = {kind.name: kind for kind in _KINDS}

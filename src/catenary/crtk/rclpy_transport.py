@@ -185,7 +185,7 @@ def _kind(name: str, part: str) -> Any:
     try:
         kind = getattr(importlib.import_module(f"{package}.{part}"), word)
     except (ImportError, AttributeError) as error:
-        _logger.warning("%s is left out: this ROS 2 has no such type (%s); --transport dds has", name, error)
+        _logger.warning("%s is skipped: this ROS 2 has no such type (%s); --transport dds has it", name, error)
         return None
     if part == "msg":
         theirs = list(kind.get_fields_and_field_types())

@@ -236,5 +236,5 @@ def location_text(frames: Sequence[str], joint: str | None) -> str:
     if len(frames) == 1:
         return f"on {frames[0]}"
     names = f"{', '.join(frames[:-1])} and {frames[-1]}"
-    how = f"move {joint}" if joint is not None else "no joint would, moved by itself"
+    how = f"move {joint}" if joint is not None else "no single joint's motion would distinguish them"
     return f"between {names}: cannot be distinguished by these poses; {how}"

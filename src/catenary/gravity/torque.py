@@ -1,4 +1,4 @@
-"""The torque that holds an arm against gravity, the energy it is the gradient of, and the centre of mass."""
+"""Gravity torques, potential energy, and centre of mass of an arm."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,13 +19,13 @@ from catenary.spatial import LEVEL
 def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
     """Return the torques that hold the arm still: g of M(q) qdd + C(q, qd) qd + g(q) = tau.
 
-    In frame i let z be the axis of joint i, i_g gravity, and i_r_k the centre of mass of link k, one of the
-    links it carries, of mass m_k. A revolute joint holds -z . sum_k i_r_k x (i_g m_k), a prismatic one
+    In frame i let z be the axis of joint i, i_g gravity, and i_r_k the centre of mass of each link k that the joint
+    carries, of mass m_k. A revolute joint holds -z . sum_k i_r_k x (i_g m_k), a prismatic one
     -z . sum_k i_g m_k. [Lewis, Hannaford 2014, "Dynamically evaluated gravity compensation for the RAVEN
     surgical robot", eq. 1-3; the paper states the prismatic sign in its text, and writes k >= i for a chain]
 
-    From 50 000 rows or the 101st single call on the robot's own kernel runs (`gravity_kernel`), compiled in half a
-    second; it differs in rounding only. For one q with many gravities, repeat q.
+    For 50 000 rows or more, and from the 101st single call, the robot's own kernel is used (`gravity_kernel`), compiled
+    in half a second; results differ in rounding only. For one q with many gravities, repeat q.
 
     Args:
         model: The robot; needs inertia.
@@ -36,8 +36,8 @@ def gravity_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Float
         Torques that the actuators must supply, (n,) or (N, n) [Nm or N]; never negate them.
 
     Raises:
-        InputError: Another shape, or not finite.
-        MissingInertiaError: A link without inertia.
+        InputError: Wrong shape, or not finite.
+        MissingInertiaError: A link has no inertia.
 
     Examples:
         >>> arm = catenary.load_robot("raven2")
@@ -61,7 +61,7 @@ def gravity_delta(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
     g is linear in gravity, so this is g(q, gravity - level), exactly zero on a level base.
 
     Args:
-        model: The robot as the firmware knows it, with the payloads that it was given; needs masses.
+        model: The robot that the firmware assumes, including its payloads; needs masses.
         q: Positions (n,) or (N, n) [rad or m].
         gravity: Measured gravity in base axes, (3,) or (N, 3) [m/s2].
     """
@@ -96,7 +96,7 @@ def potential_energy(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Flo
 def center_of_mass(model: RobotModel, q: ArrayLike) -> Floats:
     """Return the centre of mass (3,) or (N, 3) of all moving links in the base frame [m], p_com = sum m_i p_i / M.
 
-    [gravity-regressor paper, section II] Links fixed to the base do not count.
+    [gravity-regressor paper, section II] Links fixed to the base are excluded.
 
     Args:
         model: The robot; needs masses.
@@ -117,7 +117,7 @@ def center_of_mass_jacobian(model: RobotModel, q: ArrayLike) -> Floats:
     """Return the Jacobian of the centre of mass, (3, n) or (N, 3, n) [m/rad|1]: J_com qd is its velocity in base axes.
 
     Gravity acts on a robot as on one mass at its centre of mass, g(q) = -M J_com^T gravity [gravity-regressor paper,
-    section II]: row r of J_com is what a unit of gravity along axis r asks of the joints, over -M.
+    section II]: row r of J_com is the joint torque under unit gravity along axis r, divided by -M.
 
     Args:
         model: The robot; needs masses.
@@ -165,21 +165,21 @@ def _gravity_torque_rows(tree: Tree, coupling: Floats, offset: Floats, q: Floats
         to_robot(coupling, torque, out[k])
 
 
-_FELT = 1e-4  # [Nm or N per kg m or kg] less is rounding: a first axis of rpy 3.1416 is 7e-6 rad off upright
+_FELT = 1e-4  # [Nm or N per kg m or kg] rounding error, as of a first axis with rpy 3.1416, 7e-6 rad off upright
 
 
 def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats:
-    """Return the error bound of an identified robot's gravity torques, for parameters that its recordings did not show.
+    """Bound the error of an identified robot's gravity torques from parameters that its recordings did not determine.
 
-    Recordings on one base show masses only as far as they act there: on a level floor not the first moments about a
-    vertical axis. The bound is zero where nothing is unseen, and under the gravity of the identification.
+    Recordings on one base determine only masses that load the joints there: on a level floor not the first moments
+    about a vertical axis. The bound is zero if all are determined, and under the gravity of the identification.
 
     Args:
         q: Configuration (n,) [rad or m].
         gravity: Free-fall acceleration in base axes (3,) [m/s2].
 
     Returns:
-        Largest error to either side (n,) [Nm or N]; infinite where nothing bounds it.
+        Largest absolute error (n,) [Nm or N]; infinite if unbounded.
     """
     rows = as_array("q", q, (model.n,))[None]
     rest, down = np.zeros_like(rows), as_array("gravity", gravity, (3,))
@@ -189,7 +189,7 @@ def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
     Y = torque_regressor(model, rows, rest, rest, down)[0].reshape(model.n, len(model.link_names), -1)
     for unseen in model.unseen:
         felt = np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], unseen.change))
-        out[felt > _FELT] += felt[felt > _FELT] * max(-unseen.low, unseen.high)  # which is infinite where none is known
+        out[felt > _FELT] += felt[felt > _FELT] * max(-unseen.low, unseen.high)  # infinite if unbounded
     return out
 
 

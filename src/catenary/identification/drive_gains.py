@@ -74,9 +74,9 @@ def drive_gains(base: BaseParameters, free: Sequence[Samples], loaded: Sequence[
     unsure = [f"{model.joint_names[i]} ({100.0 * errors[i]:.0f} %)" for i in np.flatnonzero(~(errors < _SURE_ERROR))]
     if unsure:
         raise ExcitationError(
-            f'robot "{model.name}": the recordings do not show the drive gain of {", ".join(unsure)}: masses stay open '
-            "by as much; move every joint, with and without the load, over more of its range and faster, or take a "
-            "heavier load",
+            f'robot "{model.name}": the recordings do not show the drive gain of {", ".join(unsure)}: masses '
+            "are uncertain by as much; move every joint, with and without the load, over more of its range and faster, "
+            "or use a heavier load",
             rank=model.n - len(unsure),
             n_base=model.n,
         )

@@ -449,7 +449,7 @@ def free_poses(limits: MotionLimits, rng: np.random.Generator, count: int) -> Fl
         close = scene.touching(drawn, limits.margin + _DISTANCE_DIP_M)
         often = [int(k) for k in np.argsort(-close.sum(axis=0), kind="stable")[:3]]
         pairs = (f"{' and '.join(scene.names(k))} in {100 * close[:, k].mean():.0f} %" for k in often)
-        why += f", or its bodies come within {1000 * limits.margin:g} mm of what is about them: {', '.join(pairs)}"
+        why += f", or its bodies come within {1000 * limits.margin:g} mm of their surroundings: {', '.join(pairs)}"
     raise InputError(
         f'robot "{limits.model.name}": none of {_POSE_ATTEMPTS * count} poses within the limits is free: {why}'
     )

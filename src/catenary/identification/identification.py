@@ -45,16 +45,16 @@ _LOAD_ROUNDS = 3  # iterations of the fit of load-dependent friction, whose load
 
 
 class Rotor(NamedTuple):
-    """An identified reflected inertia, along one of the robot's combinations of coordinates."""
+    """Identified reflected inertia, along one of the robot's combinations of coordinates."""
 
     name: str
     inertia: float | None  # [kg m2 or kg]; None if not `consistent` and identifiable only with other parameters
-    error: float | None  # standard; None if identifiable only together with a link's inertia, or known beforehand
+    error: float | None  # standard; None if identifiable only together with a link's inertia, or stated by the caller
 
 
 @dataclass(frozen=True)
 class CarriedBody:
-    """A body that is carried on a frame of a robot and is part of the robot's masses."""
+    """Body carried on a frame of a robot, included in the robot's masses."""
 
     __pydantic_config__ = IN_FILES
 
@@ -156,8 +156,8 @@ class Identification(OnScreen):
     ) -> Floats:
         """Predict the torques (n,) or (N, n) [Nm or N] of a motion: Y_b beta + known, with friction of steady sliding.
 
-        q [rad or m], qd and qdd have one shape; None means zero rates, and for gravity (3,) [m/s2] in base axes
-        the one used in identification.
+        q [rad or m], qd and qdd have the same shape; rates default to zero, gravity (3,) [m/s2] in base axes to that of
+        the identification.
         """
         motion, single = motion_rows(self.model, q, qd=qd, qdd=qdd)
         if self.options.terms == "static" and any(rates.any() for rates in motion[1:]):
@@ -203,7 +203,7 @@ class Identification(OnScreen):
         """Return the robot with the identified inertia, friction, rotors, springs and carried bodies.
 
         Its `without_payload` is the arm without carried bodies, if recordings show one or the caller declared one.
-        Poses at rest give only masses and their centres: such a robot has gravity torques but no dynamics.
+        Poses at rest determine only masses and their centres: such a robot has gravity torques but no dynamics.
         """
         parameters, consistent = self.base.parameters, self.phi
         if consistent is None:
@@ -263,7 +263,7 @@ def identify(
 
     min_beta sum_a w_a^2 ||tau_a - Y_b,a beta||^2 on filtered signals, over physically consistent parameters (with
     option `consistent`), with the parameters of the robot's file, if any, as the prior. Friction terms are added while
-    they improve the prediction of held-out blocks of the recordings. The robot needs no inertia.
+    they improve the prediction of held-out blocks of the recordings. The model's inertia may be missing.
 
     Args:
         logs: Recordings to fit.
@@ -273,7 +273,7 @@ def identify(
 
     Raises:
         InputError: A recording is of another robot, in other units, or too short.
-        ExcitationError: The recordings do not show all base parameters; nothing is fitted.
+        ExcitationError: The recordings do not excite all base parameters; nothing is fitted.
 
     Examples:
         >>> arm, w, t = catenary.load_robot("two_link"), np.array([1.0, 1.7]), np.linspace(0.0, 20.0, 4000)[:, None]
@@ -352,7 +352,7 @@ def prepared(
     *,
     within_limits: bool = True,
 ) -> tuple[list[Samples], list[Samples]]:
-    """Return the samples to fit, and those to test, which include held-out blocks; see `prepare`.
+    """Return filtered samples to fit, and to test on, which include held-out blocks; see `prepare`.
 
     Args:
         logs, tests: Recordings to fit, and to test on.
@@ -506,7 +506,7 @@ def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats
     unseen = "".join(f"joint {name} unseen: move it. " for name in still)
     return (
         f'robot "{base.parameters.model.name}": the recordings show {rank} of {base.count} base parameters (condition '
-        f"{condition:.3g}); {unseen}Least of all a combination of {base.named(weakest)}. No parameters and no verdict "
-        "follow: move every joint, over more of its range and faster; catenary excitation designs such a motion. "
-        "Columns of positions in another joint's place look like this too"
+        f"{condition:.3g}); {unseen}The least determined is a combination of {base.named(weakest)}. Nothing is "
+        "identified: move every joint, over more of its range and faster; catenary excitation designs such a motion. "
+        "Exchanged position columns look the same"
     )

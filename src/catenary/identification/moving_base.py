@@ -39,7 +39,7 @@ def moving_base_notes(robot: RobotModel, phi: Floats, samples: Sequence[Samples]
         unexplained, turned = _turned(robot, phi, part, rest, rows)
         if unexplained < _TOLD_RATIO:
             notes.append(
-                f"{part.name}: what is left of its torques is as a base that moves would leave it, by about "
+                f"{part.name}: residual torques are those of a moving base, by about "
                 f"{np.rad2deg(turned):.1g} deg: record gravity and base_rate with the joints"
             )
     return notes

@@ -120,7 +120,7 @@ def payload_candidates(
     rival_says = ""
     if rival > 0 and not detected and min(loads.gain, best.without[rival] - best.without[0]) > _RIVAL_MARGIN:
         name = telling(1)
-        how = f"move {name}" if name else "no joint would tell, moved by itself"
+        how = f"move {name}" if name else "no single joint's motion would distinguish them"
         rival_says = f"{others[rival].says}: {how}"
     beside = others[int(np.argmax(best.logs if detected else best.without))].says
     joint = telling(2) if len(names) > 1 else None

@@ -340,7 +340,7 @@ def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Flo
     """Return the stretches without a gap in time, and the lengths of the gaps [s]."""
     steps = np.diff(log.time) if log.time is not None else np.zeros(0)
     if not np.count_nonzero(steps) or float(np.median(steps)) <= 0.0:
-        raise InputError(f'recording "{log.name}": time stands still on most rows')
+        raise InputError(f'recording "{log.name}": the time stamp does not change on most rows')
     gaps = log.gaps(_BRIDGED_PERIODS / settings.cutoff_hz)
     bounds = sorted({*log.starts, *gaps, len(log)})
     return [slice(first, last) for first, last in pairwise(bounds)], steps[np.array(gaps, dtype=int) - 1]

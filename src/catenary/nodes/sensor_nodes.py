@@ -183,7 +183,7 @@ class GravityNode:
         script.publish(message_class("std_msgs/String")(program))
 
     def status(self, seconds: float) -> GravityStatus:
-        """Return the status, `seconds` after the begin."""
+        """Return the status, `seconds` after the start."""
         listeners = len(self.transport.connections(self._vector.topic).subscribers)
         reading = self._reading or self.source.read(self.transport.steady() / SECOND)
         counts = self.published, listeners, self.transport.is_up(), self._link()
@@ -250,7 +250,7 @@ class EncoderNode:
         return len(samples)
 
     def status(self, seconds: float) -> EncoderStatus:
-        """Return the status, `seconds` after the begin."""
+        """Return the status, `seconds` after the start."""
         connections = self.transport.connections
         listeners = {name for topic in self.published for name in connections(topic).subscribers}
         reading, is_up = self.board.reading(), self.transport.is_up()
@@ -266,7 +266,7 @@ class SteppedNode(Protocol):
         """Publish what there is now."""
 
     def status(self, seconds: float) -> Any:
-        """Return the status, `seconds` after the begin."""
+        """Return the status, `seconds` after the start."""
 
 
 def publish(

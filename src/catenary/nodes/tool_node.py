@@ -213,7 +213,7 @@ class ToolNode:
         return tuple(filter(None, (self._refusal, own)))
 
     def status(self, seconds: float) -> ToolStatus:
-        """Return the status, `seconds` after the begin."""
+        """Return the status, `seconds` after the start."""
         listeners = len(self.transport.connections(self._wrench.topic).subscribers)
         rests = self._rests if self._compensation is None else self._compensation.rests
         begin = seconds, self._text(), *self._last, self._age_s

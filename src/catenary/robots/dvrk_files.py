@@ -92,14 +92,14 @@ def load_dvrk(path: Path, *, instrument: Path | None = None, massless: Massless 
 def _kinematics(path: Path, content: dict[str, Any]) -> _Kinematics:
     if "DH" not in content:
         raise FileFormatError(
-            f"{path}: is no robot of the dVRK: expected kinematics with DH (share/kinematic, share/tool), "
+            f"{path}: is not a dVRK robot file: expected kinematics with DH (share/kinematic, share/tool), "
             f"got {', '.join(map(cut, list(content)[:8])) or 'nothing'}"
         )
     found = parse_settings(content, _Kinematics, str(path))
     if found.snake_like or any(joint.mode != "active" for joint in found.dh.joints):
         raise UnsupportedModelError(
-            f"{path}: is snake-like or has passive joints, whose rule stands in the dVRK's program, not in the file; "
-            "of an arm's two files take the one that is not _physical"
+            f"{path}: is snake-like or has passive joints, whose rule is in the dVRK's code, not in the file; "
+            "of an arm's two files use the one without _physical"
         )
     return found
 

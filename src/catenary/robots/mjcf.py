@@ -139,7 +139,7 @@ def _without_free_joints(mujoco: Any, spec: Any) -> list[str]:
         spec.delete(joint if carries else body)
     for key in list(spec.keys) if loose or floating else ():
         spec.delete(key)  # states of all joints, those that are gone too
-    stand = [f"free bodies stand where the file puts them ({', '.join(floating)})"] if floating else []
+    stand = [f"free bodies are fixed where the file puts them ({', '.join(floating)})"] if floating else []
     return [*left_out("free bodies that carry no joint", loose), *stand]
 
 

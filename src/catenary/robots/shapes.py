@@ -185,7 +185,7 @@ def urdf_shapes(
     if not shapes:
         return None
     looks_taken = wanted == "collision" and kind == "visual"
-    notes = [f"{where}: has no collision shapes; what links look like is taken"] if looks_taken else []
+    notes = [f"{where}: has no collision shapes; visual shapes are used"] if looks_taken else []
     if bare := geometry.links_without_shape(model, shapes):
         notes.append(f"{where}: links without a shape, whose collisions are unchecked: {', '.join(bare)}")
     return geometry.Geometry(model.name, tuple(shapes), f"the {kind} shapes of {where}", notes=tuple(notes))
@@ -240,7 +240,7 @@ def _mesh(what: str, name: str | None, path: Path | None, packages: Sequence[Pat
         with suppress(OSError, ValueError):  # a name that no file can have
             if place.is_file():
                 return place
-    hint = "; give the folder that the package lies in with --package-dir" if scheme == "package" else ""
+    hint = "; give the package's folder with --package-dir" if scheme == "package" else ""
     raise FileFormatError(f"{what}: no mesh {cut(name)}{hint}")
 
 

@@ -248,7 +248,7 @@ def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, 
     for name, mimic in mimics.items():
         if mimic.leader not in moving:
             raise FileFormatError(
-                f'{where}: joint "{name}": <mimic> follows "{mimic.leader}", which is no moving joint; '
+                f'{where}: joint "{name}": <mimic> follows "{mimic.leader}", which is not a moving joint; '
                 f"moving joints: {', '.join(sorted(moving))}"
             )
     with naming_the_file(where):

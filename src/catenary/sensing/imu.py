@@ -25,17 +25,17 @@ from catenary.spatial import LEVEL, STANDARD_GRAVITY
 # of rocking by 10 degrees at 1 Hz; and the rates at which they recover from a fault
 _FOLLOWING = (100.0, 50.0, 400.0)
 _RECOVERING = (10.0, 5.0, 40.0)
-_MAX_SAMPLES_A_TICK = 64  # bounds the time of a tick when samples have queued up
-_FAULT_MEMORY_S = 0.1  # for which a fault is reported after its sample
-_PAUSE_S = 0.5  # between reads, after which reading restarts
-_FORGET_AFTER_S = 1.0  # without samples, after which a sensor's history is discarded
+_MAX_SAMPLES_A_TICK = 64  # bounds the duration of a tick when samples have queued up
+_FAULT_MEMORY_S = 0.1  # a fault is reported for this long after its sample
+_PAUSE_S = 0.5  # a longer pause between reads restarts the reading
+_FORGET_AFTER_S = 1.0  # a longer time without samples discards a sensor's history
 _LIVE_ERROR = 0.3  # [m/s2] largest error of live gravity: two deviations, unchecked turns, recovery
 _MIN_NOISE, _MIN_RATE_NOISE = 1e-3, 1e-5  # [m/s2, rad/s] of a sample
-_GAP_S = 0.25  # without samples, beyond which no parabola is fitted
-_MIN_RATE_SPAN_S = 0.04  # of rates, for an angular acceleration
+_GAP_S = 0.25  # no parabola is fitted across a longer time without samples
+_MIN_RATE_SPAN_S = 0.04  # of rates from which an angular acceleration is computed
 _NOISY_SWING = 2.0  # [rad/s2] of angular acceleration, attributed to noise
 _MAX_INNOVATION = 0.3  # [m/s2] between a reading and its prediction, attributed to noise
-_TURN_S, _TURN_START_S = 0.2, 0.04  # within which gravity's slope shows a turn, and a turn may have begun
+_TURN_S, _TURN_START_S = 0.2, 0.04  # longest time until gravity's slope shows a rotation, and of a rotation's start
 _SHAKING_NOISE = 0.5  # [m/s2] of vibration in which single readings may saturate
 _CLIPPED_SHARE = 0.02  # weight of a sample in the mean number of saturated ones
 _NO_TURNING = np.zeros((2, 3))
@@ -150,7 +150,7 @@ class SensedGravity:
             age_limit: Age from which the fallback replaces it [s], at least `stale_after`.
             attitude_time: Averaging time of the direction that `fade` converges to [s]; by `mounted_on` when None.
             start_limit: Time without an accepted sample after which `stop` stops the robot [s].
-            feed: Called with the time before samples are taken, by which a sensor without a thread can deliver them.
+            feed: Called with the time before each read, so that a sensor without a thread can deliver samples.
         """
         self._ages = _Ages(stale_after, age_limit, start_limit)
         base = base_spectrum(mounted_on)
@@ -178,9 +178,9 @@ class SensedGravity:
         self._believed = self._rate_received = -math.inf  # [s] stamps of the newest accepted reading, and rate
         self._gaps, self._sudden, self._ahead, self._doubted = 0, 0.0, 0.0, 0.0  # and possible errors [m/s2]
         self._drift = _NO_TURNING[0]  # (3,) [rad/s] bias of the rates, fitted in turns
-        self._mistaken = 0.0  # [m/s2] error of gravity if the accelerometer's axes have changed
+        self._mistaken = 0.0  # [m/s2] error of gravity if the accelerometer's axes were changed
         self._clipped = 0.0  # mean number of saturated samples
-        # value, slope and deviations as last read: of rates, and of gravity at the sensor
+        # latest value, slope and deviations of the rates, and of gravity at the sensor
         self._at = np.zeros((2, 3, 3))
         self._held = LEVEL  # gravity at the newest sample
         self._last_time, self._first_time = math.nan, math.nan
@@ -249,7 +249,7 @@ class SensedGravity:
             fault = (self._rate_raw if turns else self._force_raw).fault(sample.stamp, sample.vector, now)
             if fault is Fault.NONE and now - sample.stamp > self._ages.age_limit:
                 fault = Fault.STAMP_OLD
-            # under vibration a saturated reading is nearer to the truth than an older one
+            # under vibration a saturated reading is closer to the truth than an older one
             clipped = fault is Fault.SATURATED and self._force.noise > _SHAKING_NOISE
             if fault is Fault.NONE or clipped:
                 self._memory.show(fault, now)
@@ -263,7 +263,7 @@ class SensedGravity:
         gravity = self.mounting.gravity(np.array(vector), kind)
         in_sensor = gravity @ self.mounting.rotation
         if self._predicted.disagrees:
-            # this may show which of the sensors is wrong
+            # this may show which sensor is wrong
             self._watch.add_gravity(stamp, in_sensor, (self._force.noise, self._rates.noise))
             if self._follows(stamp, gravity):
                 return Fault.DISAGREEMENT
@@ -331,7 +331,7 @@ class SensedGravity:
             if self._predicted.disagrees:
                 self._reset_accelerometer(stamp)
             self._predicted.forget()
-            self._rates.add(stamp, rate)  # they still bound the error of gravity
+            self._rates.add(stamp, rate)  # still bounds the error of gravity
             return wrong
         if fault is Fault.RATE_TOO_FAST:
             self._predicted.forget()  # it is no evidence of a base at rest

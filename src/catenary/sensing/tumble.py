@@ -168,7 +168,7 @@ def length_faults(y: Floats) -> list[str]:
     if off[unit] < 0.05:
         return [f"readings are of length {length:.4g}: they seem to be in {unit}, expected m/s2"]
     if length < 1.0:
-        return [f"readings are of length {length:.3g} m/s2: the driver takes gravity away"]
+        return [f"readings are of length {length:.3g} m/s2: the driver removes gravity"]
     return [f"readings are of length {length:.3g}, expected about {STANDARD_GRAVITY} m/s2"]
 
 

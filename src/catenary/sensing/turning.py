@@ -60,7 +60,7 @@ def _axis_order(variant: Variant) -> str:
 
 
 def _scale_text(variant: Variant) -> str:
-    return f"gravity turns {variant.matrix[0, 0]:.3g} times as far as it reads"
+    return f"gravity turns {variant.matrix[0, 0]:.3g} times as far as the gyroscope reads"
 
 
 def _delay_text(variant: Variant) -> str:

@@ -53,7 +53,7 @@ _AWAITED_AXES = np.array([False] * 3 + [True, True, True, False])  # homing does
 
 
 class ExternalEncoders:
-    """Joint encoders, beyond the cables; initially not registered."""
+    """Encoders at the joints, beyond the cables; initially not registered."""
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
@@ -69,7 +69,7 @@ class ExternalEncoders:
 
 
 def mean_near_peak(counts: Floats, side: Floats, window: Floats) -> Floats:
-    """Return the mean (3,) of counts (T, 3) within a window (3,) of their peaks; sides (3,) are 1 or -1 for minima."""
+    """Return the mean (3,) of counts (T, 3) within a window (3,) of their maxima, or minima where side (3,) is -1."""
     peak = np.max(counts * side, axis=0) * side
     near = np.abs(counts - peak) <= window
     return np.asarray(np.where(near, counts, 0.0).sum(axis=0) / near.sum(axis=0))

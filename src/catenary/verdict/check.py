@@ -1,4 +1,4 @@
-"""Checks of recordings before calibration: all findings, in order, and the verdict whether they may be fitted."""
+"""Checks of recordings before calibration: all findings, most severe first, and whether they may be fitted."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -39,13 +39,13 @@ from catenary.verdict.units_and_scale import (
     within_reason,
 )
 
-_MAX_SHARED_SHARE = 0.01  # share of a test's rows that may be in the training, as resting poses repeat
+_MAX_SHARED_SHARE = 0.01  # share of test rows that may be in the training data, as resting poses repeat
 _MAX_HASHES = 1_000_000  # number of hashes compared
 MAX_ERROR_OPTION = "--max-error"
 _MEND_ROUNDS = 4  # rounds of corrections, as one fault may hide another
-# steps that change the estimated delay (a sign because friction always holds back)
+# steps that change the estimated delay (a sign because friction always opposes motion)
 _TIMING_STEPS = "time_unit", "sign", "clock", "delay", "shift"
-_REPEATED_ROWS = 20  # rows of motion that no other motion repeats digit by digit
+_REPEATED_ROWS = 20  # rows of motion that only a copy repeats digit by digit
 
 
 KnownDelays = dict[Mend, list[Finding]]  # findings about a recording's delay, by correction
@@ -81,7 +81,7 @@ def judged(
     alone: bool = True,
     delays: KnownDelays | None = None,
 ) -> Judged:
-    """Return findings about a recording; a fault is corrected to find others that it hides, and these say so.
+    """Find faults of a recording; each fault is corrected to find others that it hides, which then say so.
 
     Args:
         log, mend: Recording, and the correction to apply first.
@@ -212,7 +212,7 @@ def robot_of(logs: Sequence[MotionLog], robot: str | None = None) -> RobotModel 
     """Return the robot model of recordings, None if unknown.
 
     Args:
-        logs, robot: Recordings, and catalogue name or file of their robot; the recordings state it if None.
+        logs, robot: Recordings, and catalogue name or file of their robot, by default the name in the recordings.
     """
     if robot is not None and (robot in robot_names() or Path(robot).is_file()):
         return load_robot(robot)
@@ -239,13 +239,13 @@ def verdict(
     done: str = "fitted",
     delays: Sequence[KnownDelays] | None = None,  # of each; see `judged`
 ) -> Passed:
-    """Refuse recordings with findings that forbid a fit or a test; return notes and delays.
+    """Refuse recordings whose findings forbid a fit or a test; return notes and delays.
 
     Args:
         logs, robot, max_error, trained, delays: See `judged`; `delays` of each recording.
-        accept: Names of findings to continue despite.
+        accept: Names of findings to ignore.
         testing: The recordings are tests, which may be short.
-        done: Verb for messages.
+        done: Participle for the message "nothing was ...".
     """
     require_names(accept)
     how: dict[str, Any] = {"robot": robot, "max_error": max_error, "trained": trained, "alone": False}
@@ -264,7 +264,7 @@ def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept:
     """Refuse test recordings that share rows with the training, to seven digits; return notes on accepted findings.
 
     Args:
-        train, test, accept: Recordings of each, and names of findings to continue despite.
+        train, test, accept: Recordings of each, and names of findings to ignore.
     """
     found = []
     for log in test:
@@ -311,14 +311,14 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
             says = [f"{share:.0%} of its motion is in the data twice, digit by digit"]
         if says:
             culprit = "one recording copied, joined to itself, or read at another rate"
-            reason = f"{says[0]}: it is no test of a fit to it"
+            reason = f"{says[0]}: it is no independent test"
             found.append((log.name, Finding("twice", (), reason, culprit, refuses=False)))
     return found
 
 
-_MIN_ROWS = 40  # least measured rows that can be split into blocks for cross-validation
+_MIN_ROWS = 40  # smallest number of measured rows for cross-validation over blocks
 _MIN_DURATION_S = 5.0  # [s] too short for an arm to visit its workspace
-# a wrist's cables run along its other joint: moving one alone turns the other by 16 deg on a real arm
+# a wrist's cables couple its joints: on a real arm, moving one alone turns the other by 16 deg
 _MOVED_BY_OTHERS_DEG_MM = {"rad": 20.0, "m": 10.0}  # [deg, mm] largest motion of a joint by other joints' commands
 
 
@@ -329,7 +329,7 @@ def extent_findings(log: MotionLog) -> Iterator[Finding]:
         yield Finding("short", (), "ok is set on no row: nothing was measured")
         return
     if poses := count_poses(log):
-        says = f"commands leap between {poses} poses and stand there: all rows of a pose tell the same"
+        says = f"commands leap between {poses} poses and rest there: all rows of a pose hold the same information"
         yield Finding("short", (), says, "a staircase, which shows neither slack nor delays", refuses=False)
     if measured < _MIN_ROWS:
         says = f"{measured} measured rows, expected at least {_MIN_ROWS}"
@@ -345,7 +345,7 @@ def extent_findings(log: MotionLog) -> Iterator[Finding]:
         says = f"no joint was moved by more than {moved.max():.3g} deg or mm; expected {MOVED_DEG_MM:g} or more"
         yield Finding("constant", (), says, "a recording of an arm at rest")
     elif still:
-        yield Finding("constant", tuple(still), "never moved; a model holds only where it stood", refuses=False)
+        yield Finding("constant", tuple(still), "never moved; a model is valid only at its position", refuses=False)
     if log.q_encoder is not None and log.ok.any():
         seen = scale * log.q_encoder[log.ok]
         spans = np.ptp(np.percentile(seen, [1.0, 99.0], axis=0), axis=0)

@@ -144,7 +144,7 @@ def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
             is_other = is_in if k != i else abs(entry - 1.0) > _OWN_ENTRY
             matrix[i, k] = entry if is_other else float(k == i)
             entries += [f"{pairs.names[i]}/{pairs.names[k]} {entry:.4g} +- {width:.1g}"] * bool(is_in)
-        said.append(f"{pairs.names[i]}: alone its own leaves {alone:.0%} of its variance, all together {together:.1%}")
+        said.append(f"{pairs.names[i]}: its command leaves {alone:.0%} of its variance, all together {together:.1%}")
     if said and not refuses:
         names = tuple(text.partition(":")[0] for text in said)
         says = f"measurements follow several joints' commands ({'; '.join(said)})"

@@ -104,8 +104,8 @@ class Delay:
         wide = [joint for joint in self.alone if joint[2] - joint[1] > SHARP[self.unit]]
         ranges = [f"{joint} {low:+.2f} to {high:+.2f}" for joint, low, high in wide if high - low <= most]
         untold = [joint for joint, low, high in self.alone if high - low > most]
-        alone = f"; of one joint alone, {', '.join(ranges)} {self.unit}" if ranges else ""
-        more = f"; of {', '.join(untold)} alone, any: half a minute of random motion would tell" if untold else ""
+        alone = f"; for one joint alone, {', '.join(ranges)} {self.unit}" if ranges else ""
+        more = f"; for {', '.join(untold)} alone, any: half a minute of random motion would show it" if untold else ""
         return alone + more
 
 

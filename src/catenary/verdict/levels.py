@@ -55,7 +55,7 @@ def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
             rounds, in_si = np.round(away / period), period / float(scales(pairs.log)[j])
             measured[pairs.log.ok, j] -= rounds * in_si
             rows, size = np.count_nonzero(rounds), f"{period:.4g} {pairs.unit(j)}"
-            says = f"{rows} of {len(error)} measurements stand {size} from the others, and none leaves a range of it"
+            says = f"{rows} of {len(error)} measurements are {size} off the others, and all lie within one such range"
             found.append(_turned(pairs.names[j], says, "a counter that wraps", in_si))
             continue
         if joint_unit != "rad":
@@ -68,7 +68,7 @@ def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
         measured[pairs.log.ok, j] -= np.deg2rad(_HALF_TURN_DEG * halves)
         sizes, counts = np.unique(halves[turned], return_counts=True)
         most = float(sizes[np.argmax(counts)]) * _HALF_TURN_DEG
-        says = f"{int(turned.sum())} of {len(error)} measurements stand whole or half turns from the others"
+        says = f"{int(turned.sum())} of {len(error)} measurements are whole or half turns off the others"
         culprit = "an angle recorded within one turn, or a counter that lost a turn"
         period = np.deg2rad(_HALF_TURN_DEG) * (1 + (np.abs(halves[turned]) % 2.0 == 0.0).all())
         found.append(_turned(pairs.names[j], f"{says} ({most:+.0f} deg most often)", culprit, period))

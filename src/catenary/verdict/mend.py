@@ -70,7 +70,7 @@ class Mend:
                 settled[key] = (*settled.get(key, ()), kept)
             log = changed
         said = [f"corrected by {' '.join(notes[0])}"] * bool(notes[0])
-        said += [f"{AS_TRAINED}: {' '.join(notes[1])}; --as-is takes it as it is"] * bool(notes[1])
+        said += [f"{AS_TRAINED}: {' '.join(notes[1])}; --as-is disables this"] * bool(notes[1])
         return replace(log, notes=(*log.notes, *said), settled=settled) if said else log
 
     def _steps(self) -> list[tuple[str, str]]:

@@ -36,9 +36,9 @@ def delay_findings(pairs: Pairs, place: Integers) -> list[Finding]:
     if log.q_reported is not None:  # what a controller does between the two is no delay of a clock
         own = delay_of(replace(log, q_encoder=log.q_reported, ok=np.ones(len(log), dtype=bool)))
         log = replace(log, q_nominal=log.q_reported)
-        says = f"what the robot reports lies {own.seconds:+.3f} {own.unit} behind its setpoints"
+        says = f"reported positions lag their setpoints by {own.seconds:+.3f} {own.unit}"
         between = f"between {own.low:+.3f} and {own.high:+.3f} {own.unit}"
-        culprit = "the controller's lag; the delay is that of measurements behind what it reports"
+        culprit = "the controller's lag; the delay is relative to the report"
         apart = [Finding("lag", (), f"{says}, {between}", culprit, refuses=False)] * (own.sure != "unknown")
     near = delay_of(log, place)
     known = None if near.sure == "unknown" else near
@@ -82,7 +82,7 @@ def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay 
         and abs(spearmanr(range(count), lags)[0]) > 0.8
     ):
         along = ", ".join(str(lag) for lag in lags)
-        clocks = [_clock(f"the measurement lies {along} rows behind the command along {count} equal parts", known)]
+        clocks = [_clock(f"the measurement lags the command by {along} rows in {count} equal parts", known)]
     lag = _lag(log, place, slice(0, len(log)), stride) or (int(np.median(clear)) if len(clear) > count // 2 else 0)
     if lag:
         # poses that rest for unlike times, or have no stamps that differ, are out of step by rows, not by seconds
@@ -96,7 +96,7 @@ def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay 
     elif clear and not clocks:
         parts = ", ".join(str(i + 1) for i, each in enumerate(lags) if each)
         behind = ", ".join(str(delay) for delay in clear)
-        clocks = [_clock(f"in part {parts} of {count} the measurement lies {behind} rows behind the command", known)]
+        clocks = [_clock(f"in part {parts} of {count} the measurement lags the command by {behind} rows", known)]
     return clocks or [Finding("delay", (), str(near), refuses=False, delay=known)]
 
 

@@ -147,7 +147,7 @@ def _stuck(pairs: Pairs, joints: list[int], still: Flags) -> Finding:
     shown = ", ".join(f"{a} to {b - 1}" for a, b in stretches[:_MAX_SHOWN])
     more = f" and {len(stretches) - _MAX_SHOWN} more" if len(stretches) > _MAX_SHOWN else ""
     says = (
-        f"the measurement stands still on {int(still.sum())} of {len(still)} measured rows, {still.mean():.1%} of them "
+        f"the measurement freezes on {int(still.sum())} of {len(still)} measured rows, {still.mean():.1%} of them "
         f"({shown}{more}), while the commands move beyond any slack that the other rows show"
     )
     alone = len(joints) == 1
@@ -205,14 +205,14 @@ def coarse_findings(pairs: Pairs) -> Iterator[Finding]:
         step = _step_of(pairs.m[:, i])
         if step is not None and step / np.sqrt(12.0) > _COARSE_DEG_MM:
             says = (
-                f"measurements come in steps of {step:.3g} {pairs.unit(i)}: rounding alone makes errors of "
-                f"{step / np.sqrt(12.0):.2g} {pairs.unit(i)} RMS, which every error printed here holds"
+                f"measurements come in steps of {step:.3g} {pairs.unit(i)}: rounding alone causes errors of "
+                f"{step / np.sqrt(12.0):.2g} {pairs.unit(i)} RMS, part of every error printed here"
             )
             yield Finding("coarse", (name,), says, "a coarse encoder, or few digits", refuses=False)
 
 
 def missing_findings(log: MotionLog) -> list[Finding]:
-    """Note rows without a measurement that are not like the others: nobody knows the errors there.
+    """Note rows without a measurement whose motion differs from the others: nobody knows the errors there.
 
     The motion tells them apart, or the errors next to them; or errors of the others end sharply on all joints, as where
     rows were cut out by them, which on a joint or two slack does too. Stamps tell of rows that are absent, too.

@@ -30,7 +30,7 @@ def stamp_findings(log: MotionLog, *, in_si: bool = True) -> list[Finding]:
     repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
     if repeated or log.repeated > _REPEATED_SHARE * (len(log) + log.repeated):
         count, rows = repeated + log.repeated, len(log) + log.repeated
-        says = f"{count} repeated time stamps in {rows} rows; expected every row at a time of its own"
+        says = f"{count} repeated time stamps in {rows} rows; expected a different stamp for every row"
         culprit = "rows written twice, a sensor slower than the recorder, or a clock of coarse steps"
         findings.append(Finding("stamps", (), says, culprit))
     if back >= _MIN_STEPS_BACK:
@@ -53,13 +53,13 @@ def arrival_findings(log: MotionLog, delay: Delay | None) -> list[Finding]:
     apart = seen - own
     if abs(apart) <= max(step, other):
         return []
-    culprit = "two clocks that differ, or a longer way to the recorder; the motion cannot tell which"
+    culprit = "two different clocks, or a slower path to the recorder; the motion cannot distinguish them"
     if delay is not None and delay.unit == "s":
         by_clock, by_way = delay.low <= -apart <= delay.high, delay.low <= 0.0 <= delay.high
         if by_clock and not by_way:
             culprit = "two clocks that differ by that: the motion shows it"
         elif by_way and not by_clock:
-            culprit = "a longer way to the recorder: the motion shows no such delay, and the stamps are right"
+            culprit = "a slower path to the recorder: the motion shows no such delay, and the stamps are right"
     says = f"measurements are stamped {seen:.3f} s before their arrival, commands {own:.3f} s"
     return [Finding("clock", (), says, culprit, refuses=False)]
 

@@ -71,7 +71,7 @@ def slope_findings(pairs: Pairs, place: Integers) -> Iterator[Finding]:
         if found.of_cables < (_LESS_MOTION_RATIO if si < 1.0 else _MORE_MOTION_RATIO) * found.unexplained:
             continue
         if found.unexplained >= _MAX_UNEXPLAINED:
-            says = f"{moves}; slack and other joints leave too little motion to tell its scale"
+            says = f"{moves}; slack and other joints leave too little motion to determine its scale"
             yield Finding("scale", (name,), says, "minutes of local motion", refuses=False)
             continue
         remedy = f"--scale {name}={1.0 / si:.4g}"

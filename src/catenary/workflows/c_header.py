@@ -63,7 +63,7 @@ def c_header(
     if known is None:
         raise InputError("C header: expected a robot, a calibration model, or both; got neither")
     if calibration is not None and calibration.kind in MODEL_KINDS and not MODEL_KINDS[calibration.kind].in_c:
-        raise InputError(f"C header: a model of kind {calibration.kind} runs in Python alone, there is no C of it")
+        raise InputError(f"C header: a model of kind {calibration.kind} runs in Python only and has no C export")
     name, notes, functions = c_name("model" if model is None else model.name), list[str](), list[str]()
     values: dict[str, Any] = {"name": name, "known": known, "rate_hz": rate_hz, "what": "Calibration model"}
     if model is not None:
@@ -188,8 +188,8 @@ def _other_joints(robot: Jointed, calibration: CalibrationModel) -> list[str]:
     if not missing:
         return []
     return [
-        f"the calibration model's joints {', '.join(missing)} are none of the robot's, {_joints(robot)}; "
-        "the two are exported side by side"
+        f"the calibration model's joints {', '.join(missing)} are not the robot's,  {_joints(robot)}; "
+        "both are exported independently"
     ]
 
 

@@ -116,7 +116,7 @@ class HeldAgainst:
         data = usable_rows(self.recordings, self.model.features)
         seen = tuple(log.name for log in self.logs if log.is_among(self.card["data"]))
         notes = [*data_notes(self.logs, data), *self.said, *self._judged("evaluated")]
-        notes += [f"{name}: the model was fitted to rows of this recording; its error is no test" for name in seen]
+        notes += [f"{name}: the model was fitted to rows of this recording: no independent test" for name in seen]
         found = evaluate(self.model, data, window=window)
         return EvaluationResult(self.model, self.card, found, (*notes, *warnings_of(found)), seen)
 

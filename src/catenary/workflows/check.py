@@ -1,7 +1,7 @@
 """Check a file (robot, calibration model, identified dynamics or recording) and report facts and faults on one screen.
 
-Facts are numbers with units for programs (docs/json.md), and lines of text. Positions are in a joint's `unit` (rad, m),
-errors in its `error_unit` (deg, mm); None means not stated.
+Facts are numbers with units for programs (docs/json.md), and lines of text. Positions have a joint's `unit` (rad, m),
+errors its `error_unit` (deg, mm); None means not stated.
 """
 
 import shlex
@@ -73,9 +73,9 @@ class FileReport:
     remarks: list[str] = field(default_factory=list)  # notes
     findings: tuple[Finding, ...] = ()  # about a recording, also listed as faults or remarks
     joints: Table | None = None  # of a recording
-    hiding: list[str] = field(default_factory=list)  # faults that the recording cannot show
+    hiding: list[str] = field(default_factory=list)  # faults that the recording cannot reveal
     draw: "Callable[[], Figure] | None" = None  # plots a recording's delay
-    next: str = ""  # the next command line, or another advice
+    next: str = ""  # the next command line, or other advice
 
     def tell(self, key: str, fact: Any, text: str | None = None, *, called: str = "") -> None:
         """Add a fact, and its line of text (the fact itself if None)."""
@@ -125,14 +125,14 @@ Limits = tuple[float, ...] | None
 
 @dataclass(frozen=True)
 class TypedRecording:
-    """A recording as typed on the command line, from which the next command is composed."""
+    """Recording as typed on the command line, from which the next command is composed."""
 
     name: str  # of the file or folder
     options: tuple[str, ...] = ()  # for reading: mapping, robot
     imports: tuple[str, ...] | None = None  # options of a necessary import; None if none is necessary
 
     def command(self, verb: str, options: Sequence[str], written: str) -> str:
-        """Return the command line for a verb, with an output named as the recording plus `written`."""
+        """Return the command line for a verb, whose output is named after the recording plus `written`."""
         stem = Path(self.name).with_suffix("").name
         words = ["catenary", verb, self.name, *self.options, *options, "--out", f"{stem}{written}"]
         if self.imports is None:
@@ -152,10 +152,10 @@ def check_recording(
     max_error: Limits = None,
     layout: str = "",
 ) -> FileReport:
-    """Check a recording for calibration; corrections in the next command have been tested on it.
+    """Check a recording for calibration; corrections in the suggested command have been tested on it.
 
-    `source` states how it was read (a motion log of its name if None), `robot` is a name or file (its own if None).
-    Rows with errors beyond `max_error`, per joint in deg and mm, are left out.
+    `source` states how it was read (by default a motion log of its name), `robot` is a name or file (by default its
+    own). Rows with errors beyond `max_error`, per joint in deg and mm, are left out.
     """
     source = source if source is not None else TypedRecording(f"{log.name}.parquet")
     as_read, log = log, mend(log)
@@ -173,7 +173,7 @@ def check_recording(
     found.remarks = [f"{finding.name}: {finding}" for finding in findings if not finding.refuses]
     seen = [j for j in found.facts["joints"] if (j["highest"] - j["lowest"]) * DISPLAY[j["unit"]][1] > MOVED_DEG_MM]
     few = [f"{j['name']} {j['reversals']} times" for j in seen if j["reversals"] < _MIN_REVERSALS]
-    found.remarks += [f"few reversals ({', '.join(few)}): they hardly show slack and hysteresis"] * bool(few)
+    found.remarks += [f"few reversals ({', '.join(few)}): slack and hysteresis are uncertain"] * bool(few)
     lost = int((~log.ok).sum())
     if log.q_encoder is None:
         found.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
@@ -186,7 +186,7 @@ def check_recording(
             if left
             else source.command("fit", [*mended.options, *([MAX_ERROR_OPTION, limits] if limits else [])], "_model.npz")
         )
-        found.remarks += [f"{lost} rows without a trusted measurement serve as history only"] * (0 < lost < len(log))
+        found.remarks += [f"{lost} rows without a trusted measurement are used as history only"] * (0 < lost < len(log))
     found.remarks += [note for note in log.notes if not note.endswith("have no q_encoder")]
     found.faults += [f"{finding.name}: {finding}" for finding in findings if finding.refuses]
     _tell(found, findings)
@@ -242,9 +242,9 @@ def recording_report(
 def _units(log: MotionLog) -> str:
     given = [text for key, texts in log.settled.items() if key.startswith("units") for text in texts]
     if given:
-        return f"made of what --units says ({'; '.join(given)})"
+        return f"converted by --units ({'; '.join(given)})"
     if log.units_assumed:
-        return "assumed, as nobody states them"
+        return "assumed, as they are not stated"
     return "as its file or its mapping states" if "units" in log.settled else "as --robot or --units says"
 
 
@@ -293,10 +293,10 @@ def check_file(
     max_error: tuple[float, ...] | None = None,
     typed: tuple[str, ...] = (),
 ) -> FileReport:
-    """Determine the kind of a file (or catalogue name), and check it.
+    """Check a file (or catalogue name) by its kind.
 
     Args:
-        source, reading: Path or name, and mapping and corrections of a recording.
+        source, reading: Path or name, and a recording's mapping and corrections.
         robot, max_error: As in `check_recording`.
         typed: Options to repeat in the suggested next command.
     """
@@ -389,7 +389,7 @@ def _check_inertial(source: str) -> FileReport:
     found.tell("gyroscope", imu.rate is not None, "none" if imu.rate is None else "yes")
     finite = np.asarray(np.isfinite(imu.force).all(axis=1))
     if not finite.all():
-        found.faults.append(f"{int((~finite).sum())} of {len(finite)} readings of the accelerometer are no numbers")
+        found.faults.append(f"{int((~finite).sum())} of {len(finite)} accelerometer readings are not numbers")
     mean = imu.force[finite].mean(axis=0) if finite.any() else np.full(3, np.nan)
     found.tell("mean_force", mean.tolist(), f"{', '.join(f'{f:.2f}' for f in mean)} m/s2", called="mean")
     found.remarks += imu.notes
@@ -473,7 +473,7 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
     parameters = f"all {result.base.count} base parameters ({terms}), condition {result.condition:.3g}"
     remarks += [
         f"for identification: shows {parameters}",
-        "fitted by itself, with Coulomb and viscous friction, this share of the torque (RMS) is left: "
+        "relative residual (RMS) of a fit to it alone, with Coulomb and viscous friction: "
         + ", ".join(f"{name} {share:.3f}" for name, share in left),
     ]
     return faults, remarks, found
@@ -517,7 +517,7 @@ def _copy_faults(path: Path, card: Card) -> list[str]:
     copy = card_path(path)
     if not copy.is_file() or copy.read_bytes() == card_text(card).encode():
         return []
-    return [f"{copy}: is not the card in {path.name}, which counts: it is another one's, or was edited; delete it"]
+    return [f"{copy}: differs from the card in {path.name}, which counts: another file's, or edited; delete it"]
 
 
 def _check_model(path: Path, model: CalibrationModel, card: Card) -> FileReport:

@@ -129,7 +129,7 @@ def _limits(
             pairs = ", ".join(f"{a} and {b}" for a, b in always)
             notes.append(f"within {1000 * around.margin:g} mm of each other in every pose, and not compared: {pairs}")
         if not around.obstacles:
-            notes.append("no floor, box or mesh is given: the robot is kept from hitting itself alone")
+            notes.append("no floor, box or mesh is given: only self-collisions are checked")
     limits = MotionLimits(model, room, gravity, scene, around.margin)
     if not limits.has_torques:
         why = "limits" if np.isinf(room.effort).all() else "masses"
@@ -165,7 +165,7 @@ def write_trajectory(design: Excitation, joint_names: Sequence[str], path: Path,
         ros: Version of ROS, 1 or 2.
     """
     if design.terms == "static":
-        raise InputError("a trajectory is a motion: expected none of poses to hold")
+        raise InputError("a trajectory needs a motion, not poses to hold")
     seconds, nanoseconds = ("secs", "nsecs") if ros == 1 else ("sec", "nanosec")
     points = []
     for time, *row in zip(design.time, design.q, design.qd, design.qdd, strict=True):

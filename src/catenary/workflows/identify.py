@@ -179,12 +179,12 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
     ]
     wrench, width = (np.array(values) for values in zip(*wrenches, strict=True))
     if not np.isfinite(wrench).any():
-        notes.append(f"{result.model.n} joints tell no force on {result.model.tip} apart from its other parts")
+        notes.append(f"{result.model.n} joints cannot separate the components of a force on {result.model.tip}")
     for k, (name, mean) in enumerate(zip(result.model.joint_names, torque.mean(axis=0), strict=True)):
         if abs(mean) > STEADY_SHARE * max(half_width[k], rms(torque)[k]):
             unit = TORQUE_UNIT[result.model.joint_units[k]]
             notes.append(
-                f"{name}: {mean:+.3g} {unit} all along: a zero of its torque that shifted looks like a steady push; "
+                f"{name}: {mean:+.3g} {unit} throughout: a shifted zero of its torque looks like a steady push; "
                 "begin the recording untouched"
             )
     found = torque, half_width, wrench, width, tuple(notes)
@@ -305,7 +305,7 @@ def identify_files(
         shown = estimate_payload(result, weighed, at=(model.tip, gains.centre))
         notes += [
             *gains.notes(model),
-            f"{weighed[0].name}: by what was identified, the load weighs {shown.mass or 0.0:.3f} kg, "
+            f"{weighed[0].name}: according to the identification, the load weighs {shown.mass or 0.0:.3f} kg, "
             f"stated {gains.load:g}",
         ]
     notes += judge([*stamps, *day_findings(model, training)], accept)
@@ -352,12 +352,12 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
     actuation, last = result.model.actuation, result.training[-1].log
     if actuation is not None and any(friction.recording for friction in actuation.friction):
         yield (
-            "friction: each recording has its own, masses are those of all: held-out blocks are predicted better; the "
-            f"robot, and what was not fitted, has that of {last}"
+            "friction: separate for each recording, with common masses: held-out blocks are predicted better; the "
+            f"robot and the tests have that of {last}"
         )
     if result.unshown:
         hidden = ", ".join(result.unshown)
-        yield f"rotors: not shown by the motion: {hidden}; move each joint by itself and faster"
+        yield f"rotors that the motion does not determine: {hidden}; move each joint alone and faster"
 
 
 @dataclass(frozen=True)
@@ -397,7 +397,7 @@ def payload_of_files(
     if best.rival:
         notes.append(f"a load on {best.link} cannot be distinguished from {best.rival}")
     if best.mass is None:
-        notes.append("the motion shows only mass times place, not the mass by itself; give its place with --at")
+        notes.append("the motion determines mass times position, not the mass alone; give the position with --at")
     return PayloadResult(best, tuple(candidates), tuple(notes))
 
 

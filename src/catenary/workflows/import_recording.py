@@ -1,7 +1,7 @@
-"""Recordings of any make into a MotionLog: by a mapping, by a known layout, or by the proposal; whole, or in pieces.
+"""Import third-party recordings into a MotionLog by a mapping, a known layout or the proposed mapping.
 
-Each piece of a long bag or text table is read by the one synchroniser, with some rows before and behind it that are
-then cut off, so that only a piece is held at a time; units and time are inferred once, from a sample.
+Long bags and text tables are read piece by piece, each with some rows before and after it that are cut off after
+synchronisation, so that only one piece is in memory; units and time are inferred once, from a sample.
 """
 
 import math
@@ -34,7 +34,7 @@ from catenary.verdict.finding import Finding
 from catenary.verdict.mend import Mend, si_units, units_of
 from catenary.verdict.turns import turned_back
 
-_MAX_JUDGED_POSITIONS = 4_000_000  # positions of joints; what they are judged by takes 0.6 GB
+_MAX_JUDGED_POSITIONS = 4_000_000  # joint positions; checking them takes 0.6 GB
 PathLike = str | Path
 MappingLike = RecordingMapping | Mapping[str, Any] | Sequence[str] | PathLike
 
@@ -49,27 +49,27 @@ def import_recording(
     answers: Mapping[str, str] | None = None,
     clock: Sequence[str] = (),
 ) -> MotionLog:
-    """Read a recording, third-party ones too: bags of ROS 1 and 2, MCAP, CSV, Parquet, NumPy and MATLAB files.
+    """Read a recording, also a third-party one: bags of ROS 1 and 2, MCAP, CSV, Parquet, NumPy and MATLAB files.
 
-    Rows are the samples of q_nominal; what has another clock is brought onto it, and what was lost, repeated or out of
-    order is in the log's notes. Files of a known layout need no mapping.
+    Rows are the samples of q_nominal; other streams are resampled to its clock. The log's notes state samples that were
+    lost, repeated or out of order. Files of a known layout need no mapping.
 
     Args:
         sources: A file, or the files of one recording, such as a bag per topic.
-        mapping: What is which quantity: options such as ["q_nominal=/arm/state.position", "q_encoder=a,b,c@deg"], a
+        mapping: Columns of each quantity: options such as ["q_nominal=/arm/state.position", "q_encoder=a,b,c@deg"], a
             TOML file, its content, or a `RecordingMapping`.
-        units: Of the joints, for positions and velocities where the mapping has none, such as "deg,deg,mm".
+        units: Units of the joints for positions and velocities without units in the mapping, such as "deg,deg,mm".
         robot: Catalogue name or file: names, units and limits of the joints.
-        accept_proposal: Without a mapping, take the one that is proposed if nothing in it is open.
-        answers: To questions that the proposal leaves open, such as {"q_encoder": "cam"}; accepts it, too.
-        clock: By how many seconds the clocks of other files than q_nominal's are ahead when its rows begin, and how
-            many ppm they gain, "0.73,50", or "cam.csv=0.73,50" of one; estimated from common motion when empty.
+        accept_proposal: Without a mapping, use the proposed one unless it has open questions.
+        answers: Answers to open questions of the proposal, such as {"q_encoder": "cam"}; they also accept it.
+        clock: Offset [s] and rate [ppm] by which clocks of other files are ahead of q_nominal's at its first row, such
+            as "0.73,50", or "cam.csv=0.73,50" for one file; estimated from common motion when empty.
 
     Raises:
         FileFormatError: A file cannot be read.
-        ConfigError: The mapping is none.
-        InputError: There is no mapping, and the layout is not a known one: the message holds the proposal. A column
-            is not there, units contradict the joints', or no row is left.
+        ConfigError: The mapping is invalid.
+        InputError: No mapping was given and the layout is unknown (the message holds the proposal), a column is
+            missing, units contradict the joints', or no row is left.
 
     Examples:
         >>> from pathlib import Path
@@ -96,24 +96,24 @@ def import_recording(
 class ImportedLog:
     """Result of an import into a file."""
 
-    log: MotionLog  # which was judged: whole, or the first rows of a longer one
+    log: MotionLog  # the checked rows: all, or the first of a long recording
     rows: int
     seconds: float | None  # from the first row to the last; None without time
-    measured: int | None  # rows with a trusted q_encoder; None if there is none
+    measured: int | None  # rows with a valid q_encoder; None without q_encoder
     notes: tuple[str, ...]
-    not_used: tuple[str, ...]  # topics, arrays and columns of the recording
-    findings: tuple[Finding, ...]  # what a fit would say of it; those that refuse first
+    not_used: tuple[str, ...]  # unused topics, arrays and columns of the recording
+    findings: tuple[Finding, ...]  # findings of a fit, refusing ones first
 
 
 def import_to_file(
     out: Path, sources: Sequence[Path], mapping: MappingLike | None = None, *, robot: str | None = None, **how: Any
 ) -> ImportedLog:
-    """Import a recording into a motion log file; a long text table piece by piece, within the memory of one piece.
+    """Import a recording into a motion log file, a long one piece by piece, within the memory of one piece.
 
     Args:
         out: Motion log to write (.parquet).
         mapping: Columns of each quantity, as of `import_recording`.
-        **how: Further arguments of `import_recording`; `progress` is called with the share of a file that was read.
+        **how: Further arguments of `import_recording`; `progress` is called with the share of the file read.
     """
     opened = _opened(sources, mapping, robot=robot, **how)
     left: tuple[str, ...] = ()
@@ -154,13 +154,13 @@ def propose_mapping(
     robot: str | None = None,
     answers: Mapping[str, str] | None = None,
 ) -> Proposal:
-    """Propose which column of a recording is which quantity, by type, name, rate and range.
+    """Propose a mapping of columns to quantities, by type, name, rate and range.
 
     Args:
         sources: A file, or the files of one recording, as of `import_recording`.
         units: Units of the joints, such as "deg,deg,mm".
         robot: Catalogue name or file: names, units and limits of the joints.
-        answers: Answers to open questions of the proposal; those that are not asked are refused.
+        answers: Answers to open questions of the proposal; answers to other questions are refused.
 
     Returns:
         The proposal; `toml` is its text, to edit and to import with.
@@ -178,7 +178,7 @@ def propose_mapping(
 
 
 def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | None:
-    """Return the name of a file's layout if it needs no mapping, else None.
+    """Return the name of a layout that needs no mapping, or None.
 
     Args:
         robot: Catalogue name or file.
@@ -206,7 +206,7 @@ def _opened(
         return Sources(paths, progress), chosen
     found = None if answers else known_layout(paths, robot=robot)
     if found is not None and clock:
-        raise InputError(f"--clock: {found} is one file of one clock; fit, evaluate and check take --clock to mend it")
+        raise InputError(f"--clock: {found} has a single clock; to correct it, use --clock of fit, evaluate or check")
     if found is not None:
         model, words = None if robot is None else load_robot(robot), () if units is None else units_of(units)[1]
         si = si_units(words) if len(words) > 1 else None
@@ -242,19 +242,19 @@ def _as_mapping(
 
 
 _PIECE_NUMBERS = 1_500_000  # of a piece
-_COUNTS = re.compile(r"\d+ of \d+ |\(s\)|\d repeated|\d messages|\d rows")  # in a note that is of a piece's rows
-_OVERLAP_ROWS = 10_000  # rows before and behind a piece: of an encoder at a hundredth of the rate a hundred samples
+_COUNTS = re.compile(r"\d+ of \d+ |\(s\)|\d repeated|\d messages|\d rows")  # in a note on the rows of a piece
+_OVERLAP_ROWS = 10_000  # rows before and after a piece: a hundred samples of an encoder at a hundredth of the rate
 
 
 def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | None = None) -> Iterator[MotionLog]:
-    """Yield a recording's log piece after piece, with all notes so far; whole where short, or no bags nor long text."""
+    """Yield a recording's log piece by piece, each with all notes so far; short or other recordings as one piece."""
     pose = None if mapping.q_encoder is None else mapping.q_encoder.pose
     registers = pose is not None and None in (pose.T_base_tracker, pose.T_marker_frame)
-    if registers or not sources.is_in_parts:  # a piece would be registered elsewhere than another
+    if registers or not sources.is_in_parts:  # pieces would get different registrations
         yield synchronise(sources, mapping, model=model).log
         return
     wanted = columns_wanted(sources, mapping)
-    said: dict[str, dict[str, None]] = {}  # notes, by what they say but for numbers
+    said: dict[str, dict[str, None]] = {}  # notes by their text without numbers
     prefix = ""
     sample = sources.streams[0]
     if sample.type == "table":

@@ -92,7 +92,7 @@ def _place(path: Path, out: Path | None, *, is_bag: bool) -> Path:
     if os.path.lexists(place):
         raise InputError(f"{place}: exists already, and is never overwritten; give another place with --out")
     if path.is_dir() and place.resolve().is_relative_to(path.resolve()):
-        raise InputError(f"{place}: lies in the recording itself, which is not changed; give another place")
+        raise InputError(f"{place}: is inside the recording, which must not change; give another path")
     if not place.parent.is_dir():
         raise InputError(f"{place}: folder {place.parent} does not exist")
     return place

@@ -61,7 +61,7 @@ class RegressorReport:
         names = standard_labels(self.model)
         said = [
             f"level base: {level.count} combinations of {len(names)} masses and first moments load the joints, "
-            "and torques tell no more than these"
+            "and torques determine only these"
         ]
         for kind, words in (
             ("alone", "identifiable by themselves"),

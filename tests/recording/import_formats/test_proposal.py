@@ -57,7 +57,7 @@ def test_what_is_open_is_asked_and_nothing_is_accepted_then(
         return
     assert any(asked in question for question in proposal.questions)
     assert "OPEN" in proposal.toml
-    with pytest.raises(InputError, match="leaves open"):
+    with pytest.raises(InputError, match="open questions"):
         proposal.accepted()
 
 
@@ -358,7 +358,7 @@ def test_fewer_columns_than_the_robot_has_joints_are_asked_for_and_not_written(
     robot = of_robot(WORDED, tmp_path)
     (asked,) = propose_mapping(path, robot=robot).questions
     assert f"which columns are the 8 joints of worded ({', '.join(WORDED)})" in asked
-    with pytest.raises(InputError, match="leaves open"):
+    with pytest.raises(InputError, match="open questions"):
         import_recording(path, robot=robot, accept_proposal=True)
     answer = asked.partition("--answer q_nominal.columns=")[2]
     log = import_recording(path, robot=robot, answers={"q_nominal.columns": answer})

@@ -137,7 +137,7 @@ def test_arrays_of_matlab_are_read_by_name_within_its_structures(tmp_path: Path)
         ("lab.XLS", "is a spreadsheet: save its sheet as CSV"),
         ("lab.zip", "is packed: unpack it first"),
         ("lab.tar.xz", "is packed: unpack it first"),
-        ("lab.pkl", "is a pickle, which runs what it holds.*numpy"),
+        ("lab.pkl", "is a pickle, which may run code.*numpy"),
         ("lab.tdms", "is LabVIEW's: nptdms"),
         ("lab.feather", "is Arrow's: pandas"),
     ],

@@ -138,4 +138,4 @@ def test_a_recording_is_extracted_as_it_is_and_said_to_have_changed(project: Pro
     motion_log_path(project, TEST).unlink()
     assert extract_recording(project, TEST)
     report = json.loads((project.folder / f"{TEST}.synchronised.json").read_bytes())
-    assert f"{recording}: is no longer what was recorded; what is there was extracted" in report["problems"]
+    assert f"{recording}: differs from what was recorded; its present content was extracted" in report["problems"]

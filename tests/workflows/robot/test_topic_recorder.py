@@ -72,11 +72,11 @@ def test_a_recorder_that_stood_still_says_when(tmp_path: Path) -> None:
         for pause in (0.0, 0.02, 3.0, 0.4):
             robot.transport.sleep(pause)
             recorder.collect()
-        assert [one for one in recorder.problems() if "stood" in one] == recorder.remarks
+        assert [one for one in recorder.problems() if "stalled" in one] == recorder.remarks
     reader = JournalReader(tmp_path / "stood")
     assert list(reader.messages())
-    (remark,) = [one for one in reader.problems if "stood" in one]
-    assert "stood still for 3.0 s, 0.0 s after the begin" in remark
+    (remark,) = [one for one in reader.problems if "stalled" in one]
+    assert "stalled for 3.0 s, 0.0 s after the start" in remark
 
 
 def test_topics_come_at_the_rates_they_are_recorded_at(journal: Path) -> None:
@@ -154,8 +154,8 @@ def test_a_topic_that_falls_silent_is_noted_with_how_long(tmp_path: Path) -> Non
             box.recorder.collect()
     reader = JournalReader(tmp_path / "r")
     assert len(list(reader.messages())) == 200
-    (remark,) = [one for one in reader.problems if "nothing came" in one]
-    assert "/ext_jpos: nothing came for 2.0 s, 1.0 s after the begin" in remark
+    (remark,) = [one for one in reader.problems if "no message" in one]
+    assert "/ext_jpos: no message for 2.0 s, 1.0 s after the start" in remark
     assert box.recorder.counts[0].longest_gap == pytest.approx(2.01, abs=1e-3)
 
 

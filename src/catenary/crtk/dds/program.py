@@ -185,7 +185,7 @@ def enter_domain() -> int:
     number = domain_number()
     said, rmw = (os.environ.get(name, "") for name in ("CYCLONEDDS_URI", "RMW_IMPLEMENTATION"))
     if "zenoh" in rmw:
-        _logger.warning("RMW_IMPLEMENTATION is %s, whose programs do not use DDS: none of them is heard here", rmw)
+        _logger.warning("RMW_IMPLEMENTATION is %s, which does not use DDS: its programs are not received here", rmw)
     with _lock:
         error: Exception | None = None
         for interfaces in _interfaces(said) if number not in _domains else ():

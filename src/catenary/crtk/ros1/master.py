@@ -136,8 +136,8 @@ def bound_to_all(environment: Mapping[str, str]) -> str | None:
         return None
     said = f"only says what others call it ({name})" if name else "ROS_IP and ROS_HOSTNAME are not set"
     return (
-        f"this ROS 1 node listens on all addresses of this machine: {said}, and ROS 1 asks nobody who he is; "
-        "ROS_IP=127.0.0.1 shuts it in"
+        f"this ROS 1 node listens on all addresses of this machine: {said}, and ROS 1 has no authentication; "
+        "ROS_IP=127.0.0.1 restricts it to this machine"
     )
 
 

@@ -442,7 +442,7 @@ def _servo_js(arm: ServedArm, message: Message) -> None:
         raise InputError(f"servo_js: {len(modes)} modes, expected {len(message.name) or n}: one per joint")
     if (modes & _EFFORT > 0).any():
         if not (modes == _EFFORT).all() or len(modes) != n:
-            raise InputError("servo_js: efforts beside positions or velocities: the arm takes either, of all joints")
+            raise InputError("servo_js: efforts with positions or velocities: the arm takes one kind, of all joints")
         _servo_jf(arm, message)
         return
 
@@ -460,7 +460,7 @@ def _servo_js(arm: ServedArm, message: Message) -> None:
         arm.run_at(qd)
         return
     if (modes == _VELOCITY).any():
-        raise InputError("servo_js: some joints by velocity alone, others by position: the arm takes either")
+        raise InputError("servo_js: some joints by velocity only, others by position: the arm takes one kind")
     _require_near(arm, q := arm.whole(numbers("position", _POSITION, arm.setpoint.q)[:n]))
     arm.go_towards(q, qd)
 
@@ -470,7 +470,7 @@ def _servo_cs(arm: ServedArm, message: Message) -> None:
     has_pose, has_twist = message.pose_is_valid.data, message.twist_is_valid.data
     if message.wrench_is_valid.data:
         if has_pose or has_twist:
-            raise InputError("servo_cs: a wrench beside a pose or a twist: the arm takes either")
+            raise InputError("servo_cs: a wrench with a pose or a twist: the arm takes one of them")
         _servo_cf(arm, message, FrameOfForces.TOOL_IN_BASE_AXES)
     elif has_pose:
         twist = arm.settings.unturned(np.array([message.twist.linear, message.twist.angular])).ravel()

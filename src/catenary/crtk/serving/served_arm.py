@@ -156,7 +156,7 @@ class ServedArm:
         if "servo_jf" not in self.plant.supports:
             raise InputError("the arm takes no torques")
         if np.isnan(torques()).any() and "servo_jf_of" not in self.plant.supports:
-            raise InputError("the arm takes torques of all its joints only")
+            raise InputError("the arm takes torques only for all its joints")
         if self._push is None:
             self._do(self._exert())
             self._jaw = self._jaw_wanted = None
@@ -370,7 +370,7 @@ class ServedArm:
         acts = self.measured.tau
         for j in np.flatnonzero(np.abs(acts - asked) > 1e-3 * (1.0 + np.abs(asked))):
             text = (
-                f'joint "{self.names[j]}": torque {asked[j]:.4g} asked for, {acts[j]:.4g} acts, at '
+                f'joint "{self.names[j]}": torque {asked[j]:.4g} requested, {acts[j]:.4g} applied, at '
                 f"{self.measured.q[j]:.4g} {self.plant.joint_units[j]} of [{self.lower[j]:.4g}, {self.upper[j]:.4g}]"
             )
             self.reports.say(f"{self.arm}: limited", text, self.reports_time, to=(self.arm,))

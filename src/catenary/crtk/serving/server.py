@@ -1,9 +1,9 @@
-"""A robot as a server: reads commands once a tick, moves, publishes; the same over ROS 1, ROS 2 and within a process.
+"""Server of a robot over ROS 1, ROS 2 or within a process: each tick reads commands, moves the arms and publishes.
 
-The server keeps no time: `tick` is called at the robot's rate by whoever does (`catenary.nodes.serve`, a test).
+The server has no timer: the caller calls `tick` at the robot's rate (`catenary.nodes.serve`, a test).
 
-Beside its dialect it publishes `/diagnostics` (each arm's state, and why it is in FAULT, once a second and when a state
-changes [diagnostic_msgs/DiagnosticArray; ROS REP 107: name, hardware_id]) and external encoders.
+In addition to its dialect it publishes `/diagnostics` (each arm's state and the reason of a FAULT, once a second and
+when a state changes [diagnostic_msgs/DiagnosticArray; ROS REP 107: name, hardware_id]) and external encoders.
 """
 
 from collections import Counter
@@ -46,7 +46,7 @@ _OK, _WARN, _ERROR = 0, 1, 2  # levels
 
 
 class Diagnostics:
-    """Publishes a status for each arm that moves."""
+    """Publisher of a diagnostic status for each arm that moves."""
 
     def __init__(self, transport: Transport, arms: Mapping[str, ServedArm], reports: Reports) -> None:
         self._publisher = transport.publisher(DIAGNOSTICS, DIAGNOSTICS_TYPE, latch=True)
@@ -56,13 +56,13 @@ class Diagnostics:
         self._at: int | None = None  # [ns]
 
     def publish(self, now: int, stamp: int) -> None:
-        """Publish at `now` [ns], stamped so [ns], if it is time or something has changed; say why a new fault came."""
+        """Publish with a stamp [ns] if due at `now` [ns] or after a change; report the cause of a new fault."""
         states = {name: arm.state for name, arm in self._arms.items()}
         if states == self._told and self._at is not None and 0 <= now - self._at < SECOND:
             return
         for name, arm in self._arms.items():
             if states[name].state == "FAULT" and (name not in self._told or self._told[name].state != "FAULT"):
-                why = fault_of(arm.plant) or "the robot does not say why"
+                why = fault_of(arm.plant) or "the robot states no reason"
                 self._reports.say(f"{name}: FAULT", why, now, to=(name,), each=True)
         self._told, self._at = states, now
         self._publisher.publish(
@@ -74,14 +74,14 @@ class Diagnostics:
         refused = sum(one.count for kind, one in self._reports.kinds.items() if kind.endswith(": refused"))
         level, text = (_OK, state.state) if state.is_homed or state.is_busy else (_WARN, f"{state.state}, not homed")
         if state.state == "FAULT":
-            level, text = _ERROR, f"FAULT: {fault_of(arm.plant) or 'no reason is known'}"
+            level, text = _ERROR, f"FAULT: {fault_of(arm.plant) or 'reason unknown'}"
         values = {**state._asdict(), "commands refused": refused}
         pairs = tuple(_KeyValue(key, str(value)) for key, value in values.items())
         return _Status(level, f"catenary: {name} arm", text, arm.place, pairs)
 
 
 class ServedEncoders:
-    """Publishes `joint_enc`, and `ext_jpos` [rad, rad, m] while it is known; or what a tracker sees of joints."""
+    """Publisher of `joint_enc`, and of `ext_jpos` [rad, rad, m] once registered; or of a tracker's joint positions."""
 
     def __init__(self, transport: Transport, plant: Plant, topics: Sequence[Topic]) -> None:
         self._plant = plant
@@ -94,10 +94,10 @@ class ServedEncoders:
         self._due: int | None = None
 
     def publish(self, now: int, stamp: int) -> None:
-        """Publish at `now` [ns], stamped so [ns], if it is time and anybody listens."""
+        """Publish with a stamp [ns] if due at `now` [ns] and anybody subscribes."""
         if self._due is not None and 0 <= self._due - now < self._every:
             return
-        # on a grid, so that ticks that come late do not make it slower; never two to catch up
+        # on a grid, so that late ticks do not lower the rate; never two at once to catch up
         late = now - self._due if self._due is not None else 0
         self._due = now + self._every - (late if 0 <= late < self._every else 0)
         if not any(lazy.heard for lazy in self.publishers):
@@ -109,16 +109,14 @@ class ServedEncoders:
                 lazy.publish(joint_state_message(self._joints, stamp, values))
 
 
-_ANNOUNCED_WITHIN_S = 0.6  # [s] until all of a network know of a robot: ROS 1's master is asked twice a second
-_STOPPING_VERBS = ("hold", "free")  # commands after which nothing is obeyed that waited
+_ANNOUNCED_WITHIN_S = 0.6  # [s] until a robot is known in the whole network: ROS 1's master is polled twice a second
+_STOPPING_VERBS = ("hold", "free")  # commands that discard queued ones
 _String = message_class("std_msgs/String")
-_COMMAND_COST_A_TICK = (
-    8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
-)
+_COMMAND_COST_A_TICK = 8  # tenths of a millisecond for the commands of a tick; the rest wait for the next tick
 
 
 class _Periods:
-    """Statistics of ticks over a second, as cisst's mtsIntervalStatistics has them."""
+    """Statistics of ticks over a second, as in cisst's mtsIntervalStatistics."""
 
     def __init__(self, period: float) -> None:
         self._period, self._ticks = period, list[tuple[float, float]]()  # when they began and took [s]
@@ -136,7 +134,7 @@ class _Periods:
 
 
 class Server:
-    """Serves arms over a transport, in a dialect."""
+    """Server of arms over a transport, in a dialect."""
 
     def __init__(
         self,
@@ -149,11 +147,11 @@ class Server:
         publish_every: int = 1,
         encoders: ServedEncoders | None = None,
     ) -> None:
-        """Publish and subscribe; nothing moves before `tick`, and each `publish_every` of these is published."""
+        """Advertise and subscribe; nothing moves before `tick`, and every `publish_every`-th tick is published."""
         self._joints = tuple(topic.name for topic in dialect.topics if topic.verb == "measured_js")
         require_no_other_robot(transport, self._joints)
         self.transport, self.arms, self.reports = transport, arms, reports
-        self.commands = 0  # taken in, whether they were obeyed or not
+        self.commands = 0  # received, whether obeyed or refused
         self.ticks = 0
         self._dialect = dialect
         self._periods = _Periods(max(arm.plant.period for arm in arms.values()))
@@ -168,13 +166,13 @@ class Server:
             )
             for topic in wanted if topic.direction == "in"
         ]  # fmt: skip
-        # state commands first: what was sent after a `resume` is obeyed in the same tick
+        # state commands first, so that commands sent after a `resume` are obeyed in the same tick
         self._sources.sort(key=lambda source: not source.topic.commands_state)
         self._others = sum(source.topic.commands_state for source in self._sources)  # where the others begin
         self._commanders = {name: Commander(transport) for name in arms}
         self._due = begin  # [ns] when the tick was due
-        self._arrivals = 0  # messages that were looked at, or wait
-        self._is_behind = False  # some wait
+        self._arrivals = 0  # messages processed or waiting
+        self._is_behind = False  # messages are waiting
         self.publishers = {
             (topic.verb, topic.arm): LazyPublisher(transport, topic) for topic in wanted if topic.direction == "out"
         }
@@ -193,7 +191,7 @@ class Server:
             transport.service(BUTTON, BUTTON_TYPE, self._pressed)
 
     def tick(self, late: float = 0.0) -> None:
-        """Read commands, move the arms by a tick, publish; one that is `late` [s] is stamped as it was due."""
+        """Read commands, move the arms by a tick, publish; a tick `late` by so many seconds gets the stamp when due."""
         now, began = self.transport.steady(), perf_counter()
         self._due = now - round(late * SECOND)
         self.transport.poll()
@@ -218,7 +216,7 @@ class Server:
         if self._encoders is not None:
             self._encoders.publish(now, stamp)
         self.ticks += 1
-        # a topic a tick: whoever has just connected reads at once, as of a robot that publishes to nobody too
+        # one topic a tick: a new subscriber gets messages at once, even if the robot had no subscribers before
         self._heard[self.ticks % len(self._heard)].watch()
         if not 0 <= now - self._watched < WATCH_EVERY_NS:
             self._watched = now
@@ -233,13 +231,13 @@ class Server:
                 arm.statistics = self._periods.reported
 
     def require_alone(self) -> None:
-        """Refuse to begin beside another robot of this name, which may have been announced at the same time."""
+        """Refuse to start if another robot has this name, even one announced at the same time."""
         self.transport.sleep(_ANNOUNCED_WITHIN_S)
         if other := another_robot(self.transport, self._joints):
             raise TransportError(other)
 
     def say_states(self) -> None:
-        """Publish what the arms are like now, out of turn, as when the server ends."""
+        """Publish the arms' states immediately, as at the server's end."""
         self._dialect.publish(self._stamps.next(self.transport.steady()))
 
     def _take_in(self, now: int) -> None:
@@ -268,7 +266,7 @@ class Server:
             self._sources = [*states[1:], *states[:1], *others[1:], *others[:1]]
 
     def press_button(self) -> list[str]:
-        """Press the silver button; return what it did, arm by arm."""
+        """Press the silver button; return its effect on each arm."""
         said = []
         for name, arm in self.arms.items():
             if arm.machine.can_change:
@@ -287,7 +285,7 @@ class Server:
                     self.reports.say("start", ignored, self.transport.steady())
 
     def clients(self) -> set[str]:
-        """Names of the programs that listen or command."""
+        """Names of the programs that subscribe or send commands."""
         found: set[str] = set()
         for lazy in self._heard:
             found.update(self.transport.connections(lazy.topic.name).subscribers)
@@ -297,12 +295,12 @@ class Server:
 
     @property
     def published(self) -> int:
-        """Topics that it publishes."""
+        """Number of published topics."""
         return len(self._heard)
 
     @property
     def missed(self) -> dict[str, int]:
-        """Messages that slow clients missed, by the client's name."""
+        """Number of messages that slow clients missed, by client name."""
         return dict(sum((Counter(lazy.publisher.missed) for lazy in self._heard), Counter()))
 
     def _pressed(self, request: Message) -> Message:
@@ -321,7 +319,7 @@ class Server:
                 self.reports.say("button", "; ".join(self.press_button()), now, to=tuple(self.arms), each=True)
             else:
                 moved = self.arms if topic.arm is None else (topic.arm,)
-                if source.moves and topic.verb != "hold":  # which anybody may say
+                if source.moves and topic.verb != "hold":  # which any program may send
                     for name in moved:
                         is_busy = self.arms[name].state.is_busy
                         self._commanders[name].require_free(process, now, is_moving=is_busy)
@@ -330,7 +328,7 @@ class Server:
                     self._forget_others(self.arms[topic.arm], now)
                 for name in moved if source.moves else ():
                     self._commanders[name].commands(topic.name, process, now)
-        # whatever a client sends, the robot goes on; also numbers that nobody foresaw
+        # the server keeps running whatever a client sends
         except (CatenaryError, ArithmeticError, ValueError, LookupError) as error:
             self._refuse(topic, str(error) if isinstance(error, CatenaryError) else repr(error), now)
 
@@ -347,7 +345,7 @@ class Server:
 
     def _forget(self, source: CommandSource, now: int) -> None:
         arm = self._arms_of(source.topic)[0]
-        why = "not obeyed: what came after it stopped the arm" if arm.is_ready else why_not_obeyed(arm.state)
+        why = "not obeyed: a later command stopped the arm" if arm.is_ready else why_not_obeyed(arm.state)
         dropped = source.forget()
         self.commands += dropped
         self._refuse(source.topic, why, now, times=dropped)
@@ -376,7 +374,7 @@ class Server:
         if gone is not None:
             arm.hold()
             arm.machine.command("pause")
-            text = f"{gone} moved it and is gone"
+            text = f"{gone} was moving it and has disconnected"
             self.reports.say(f"{arm.arm}: paused", text, now, to=(arm.arm,), each=True)
 
     def _state_command(self, topic: CrtkTopic, text: str, now: int) -> None:

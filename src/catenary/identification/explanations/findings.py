@@ -60,7 +60,7 @@ def explained_torques(
 
 
 def _unseen(name: str) -> Finding:
-    says = "unseen: the motion leaves its torque at usual motions open: move it, and by itself"
+    says = "unseen: the motion does not determine its torque in usual motions: move it, also alone"
     return Finding("short", (name,), says, refuses=False)
 
 

@@ -43,7 +43,7 @@ class Proposal(NamedTuple):
         """Return the mapping, or refuse it if questions are open."""
         if self.questions:
             raise InputError(
-                "the proposed mapping leaves open: " + "; ".join(self.questions) + ". Answer, or edit it:\n" + self.toml
+                "the proposal has open questions: " + "; ".join(self.questions) + ". Answer, or edit it:\n" + self.toml
             )
         return parse_settings(toml_table(self.toml, "proposal"), RecordingMapping, "proposal")
 

@@ -138,7 +138,7 @@ def _models(project: Project, robot: str | None, asked: FitOptions | None) -> Ma
     """Return the options of a project's models, before minutes of motion and fits."""
     asked = FitOptions() if asked is None else asked
     if asked.estimator is not None:
-        raise InputError("calibrate: fits kinds of its own; catenary fit --model module:Class fits yours")
+        raise InputError("calibrate: fits built-in kinds only; for your own, use catenary fit --model module:Class")
     return models_for(robot, replace(asked, seed=project.settings.seed or 0))
 
 

@@ -37,7 +37,7 @@ def extract_recording(project: Project, name: str) -> bool:
         noted = {key: one for key, one in outputs.items() if key.startswith(f"{below}/")}
         is_done = project.done(step, [*made_from, *project.settings.columns], files)
         if not is_done and not outputs_unchanged(project.folder, [recording], noted):
-            changed = [f"{recording}: is no longer what was recorded; what is there was extracted"]
+            changed = [f"{recording}: differs from what was recorded; its present content was extracted"]
     if outputs is None or changed:
         made_from = [contents(describe(project.folder, [recording]), below)]
     made_from += project.settings.columns

@@ -151,7 +151,7 @@ class TopicRecorder:
                     count.longest_gap = max(count.longest_gap, gap)
                     if gap > max(SILENCE_S, 5.0 / kept.topic.rate) and not stood_still:
                         at = (kept.last - self._begin) / SECOND
-                        self._note(f"topic {count.name}: nothing came for {gap:.1f} s, {at:.1f} s after the begin")
+                        self._note(f"topic {count.name}: no message for {gap:.1f} s, {at:.1f} s after the start")
                 count.came += 1
                 kept.last = arrival
                 if kept.takes(getattr(message, kept.topic.header).stamp or arrival):
@@ -184,7 +184,7 @@ class TopicRecorder:
         elif isinstance(error, TransportError):
             is_there = any(self._transport.connections(kept.topic.name).publishers for kept in self._kept)
             is_gone = self._transport.is_up() and not is_there
-            who = "a robot that is gone" if is_gone else "the network, or a robot that stands still,"
+            who = "a robot that is gone" if is_gone else "the network, or a stalled robot,"
         self._note(f"{who} ended it, {place:.1f} s into the motion: {str(error) or 'Ctrl-C'}")
 
     def close(self) -> None:
@@ -200,8 +200,8 @@ class TopicRecorder:
             return
         at, self._set = (self._transport.steady() - self._begin) / SECOND, by
         self._note(
-            f"the machine's clock was set by {step:+.3f} s, {at:.1f} s after the begin; arrivals go on by the clock "
-            "as it was, and nothing is lost"
+            f"the machine's clock was set by {step:+.3f} s, {at:.1f} s after the start; arrival times continue on "
+            "the old clock, and nothing is lost"
         )
 
     def _note_stall(self) -> bool:
@@ -211,7 +211,7 @@ class TopicRecorder:
         if last is None or (stood := (now - last) / SECOND) <= SILENCE_S:
             return False
         at = (last - self._begin) / SECOND
-        self._note(f"the recorder stood still for {stood:.1f} s, {at:.1f} s after the begin; messages may be missing")
+        self._note(f"the recorder stalled for {stood:.1f} s, {at:.1f} s after the start; messages may be missing")
         return True
 
     def _note(self, remark: str) -> None:
