@@ -82,34 +82,24 @@ CONTROLLERS = {kind.name: kind for kind in _KINDS}
 HOLDS = {kind.name: kind for kind in _HOLDS}  # gravity compensation alone
 
 
-def make_controller(name: str, arm: "DrivenJoints", *, damping: "Damping" = "relative") -> "SplitController":
-    """Return a controller of `CONTROLLERS` for an arm, with the arm's own gains.
+def make_controller(
+    name: str,
+    arm: "DrivenJoints",
+    *,
+    damping: "Damping" = "relative",
+    among: Mapping[str, ControllerKind] = CONTROLLERS,
+) -> "SplitController":
+    """Return a controller for an arm, with the arm's own gains.
 
     Args:
         name: Kind of controller.
         arm: The arm that it drives.
         damping: What its derivative term acts on; see `ControllerKind.make`.
+        among: `CONTROLLERS`, or `HOLDS`, which have no feedback of position.
 
     Raises:
         InputError: No such kind.
     """
-    return _kind(name, CONTROLLERS).make(arm, damping=damping)
-
-
-def make_hold(name: str, arm: "DrivenJoints") -> "SplitController":
-    """Return a gravity compensation of `HOLDS`, without feedback of position, for an arm.
-
-    Args:
-        name: Kind of hold.
-        arm: The arm that it holds.
-
-    Raises:
-        InputError: No such kind.
-    """
-    return _kind(name, HOLDS).make(arm)
-
-
-def _kind(name: str, kinds: Mapping[str, ControllerKind]) -> ControllerKind:
-    if name not in kinds:
-        raise InputError(f'controller "{name}": expected one of {", ".join(kinds)}')
-    return kinds[name]
+    if name not in among:
+        raise InputError(f'controller "{name}": expected one of {", ".join(among)}')
+    return among[name].make(arm, damping=damping)

@@ -93,25 +93,6 @@ class LoopReport(OnScreen):
         return "\n".join(lines)
 
 
-class RunningRms:
-    """RMS of a difference, per joint, over the times at which it was a number."""
-
-    def __init__(self, joints: int) -> None:
-        self._squares, self._counts = np.zeros(joints), np.zeros(joints)
-
-    def add(self, a: Floats, b: Floats) -> None:
-        """Count a - b, each (n,)."""
-        difference = a - b
-        known = np.isfinite(difference)
-        np.add(self._squares, difference * difference, out=self._squares, where=known)
-        self._counts += known
-
-    def value(self) -> tuple[float, ...]:
-        """Return the RMS (n,); NaN if it never was a number."""
-        with np.errstate(invalid="ignore"):
-            return tuple(np.sqrt(self._squares / self._counts).tolist())
-
-
 class GravityTally:
     """Counts what a source of gravity says over the ticks of a run."""
 
@@ -144,16 +125,25 @@ class LoopTally:
 
     def __init__(self, n: int, *, sensed: bool) -> None:
         self.ticks, self.compute = 0, Durations()
-        self.nominal, self.calibrated = RunningRms(n), RunningRms(n)  # of the reference less each
+        # of the reference less reported and calibrated positions, where that is a number
+        self._squares, self._counts = np.zeros((2, n)), np.zeros((2, n))
         self.outside = np.zeros(n)  # ticks of each joint beyond the corrector's valid range
         self.gravity = GravityTally() if sensed else None
 
     def add(self, wanted: Floats, q_nominal: Floats, q: Floats, inside: Flags) -> None:
         """Count a tick: reference, reported and calibrated positions [rad|m], and whether each is inside, (n,)."""
-        self.nominal.add(wanted, q_nominal)
-        self.calibrated.add(wanted, q)
+        error = wanted - np.array([q_nominal, q])
+        known = np.isfinite(error)
+        np.add(self._squares, error * error, out=self._squares, where=known)
+        self._counts += known
         self.outside += ~inside
         self.ticks += 1
+
+    def tracking(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return RMS errors (n,) of reported and calibrated positions [rad|m]; NaN if there never was a number."""
+        with np.errstate(invalid="ignore"):
+            reported, calibrated = np.sqrt(self._squares / self._counts).tolist()
+        return tuple(reported), tuple(calibrated)
 
 
 @dataclass(frozen=True)
