@@ -69,7 +69,7 @@ FORMATS = (
     FileFormat("a table of text", "columns", (".txt", ".tsv", ".dat", ".asc"), is_text=True,
                reader=f"{_TABLES}:read_text", reader_in_parts=_TEXT),
     FileFormat("Parquet", "columns", (".parquet",), marks=((0, b"PAR1"),), has_layouts=True,
-               reader=f"{_TABLES}:read_parquet_file"),
+               reader=f"{_TABLES}:read_parquet_table"),
     FileFormat("NumPy's archive of arrays", "columns", (".npz",), marks=((0, b"PK\x03\x04"),), has_layouts=True,
                reader=f"{_TABLES}:read_npz"),
     FileFormat("NumPy's array", "columns", (".npy",), marks=((0, b"\x93NUMPY"),), reader=f"{_TABLES}:read_npy"),

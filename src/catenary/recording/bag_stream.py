@@ -289,7 +289,6 @@ class BagStream(Source):
                 # a damaged length may reach beyond the chunks behind it
                 following = next_chunk(file, start + 1, size, is_ros1=True)
                 end = size if following is None else following
-                self.ends_early |= following is None and data is None
                 if values.get(b"compression") == b"none":
                     file.seek(start)
                     sized(file, size)
@@ -298,11 +297,10 @@ class BagStream(Source):
                     self._lose(end - start, self._held)
                 if following is None and data is None:
                     self._cut_off(size - start)
-                    return
+                else:
+                    self._damaged(f"from byte {start} {'on' if following is None else f'to {following}'}")
                 if following is None:
-                    self._damaged(f"from byte {start} on")
                     return
-                self._damaged(f"from byte {start} to {following}")
                 file.seek(following)
                 continue
             kind = values[b"op"][0]

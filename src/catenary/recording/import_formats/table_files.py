@@ -188,13 +188,8 @@ def _texts(path: Path, name: str, values: NDArray[Any]) -> tuple[str, ...]:
         raise InputError(f"{path}: {name}: expected texts in UTF-8: {error}") from error
 
 
-def read_parquet_file(path: Path) -> list[Stream]:
-    """Read Parquet as one stream."""
-    return [read_parquet_table(path)]
-
-
-def read_parquet_table(path: Path) -> Stream:
-    """Read numbers, truth values, stamps and lists of one length."""
+def read_parquet_table(path: Path) -> list[Stream]:
+    """Read numbers, truth values, stamps and lists of one length as one stream."""
 
     def is_number(kind: pa.DataType) -> bool:
         return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))
@@ -231,7 +226,7 @@ def read_parquet_table(path: Path) -> Stream:
             units |= dict.fromkeys(columns.keys() - units.keys(), unit)
     if left:
         notes.append(f"columns that hold no numbers were left out: {', '.join(map(cut, left[:10]))}")
-    return _table(path, columns, notes, dates=tuple(dates), units=units)
+    return [_table(path, columns, notes, dates=tuple(dates), units=units)]
 
 
 def read_matlab(path: Path) -> list[Stream]:
