@@ -10,9 +10,7 @@ from catenary.crtk.message import Message, has_header
 from catenary.crtk.message_bytes import MESSAGE_BYTES
 from catenary.errors import FileFormatError, InputError
 
-UNTAKEN_MESSAGES = (
-    4000  # messages that ROS 2 keeps of a topic until the receiver takes them; what it drops, nobody counts
-)
+UNTAKEN_MESSAGES = 4000  # that ROS 2 keeps of a topic until the receiver takes them; what it drops, nobody counts
 
 
 class Received(NamedTuple):

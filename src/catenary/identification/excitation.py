@@ -327,11 +327,6 @@ class _Draw:
     share: Floats
     place: Floats  # 0 to 1 of the room that the amplitude leaves, from its lower end
 
-    @staticmethod
-    def anywhere(n: int, harmonics: int, rng: np.random.Generator) -> "_Draw":
-        """Return a draw that has nothing to do with those before it."""
-        return _Draw(rng.normal(size=(2, harmonics, n)), rng.uniform(0.6, 1.0, n), np.full(n, 0.5))
-
     def moved(self, step: float, rng: np.random.Generator) -> "_Draw":
         """Return a draw near this one."""
         n = len(self.share)
@@ -405,7 +400,7 @@ def fourier_motion(
             f"fourier: expected a period and a rate of {2 * _CONDITION_ROWS} rows at least, three or more harmonics "
             f"and one or more trials; got {period:g} s, {rate:g} Hz, {harmonics} harmonics, {trials} trials"
         )
-    base = shown_parameters(limits.model, "full", limits.room, limits.gravity, rng)
+    n, base = limits.model.n, shown_parameters(limits.model, "full", limits.room, limits.gravity, rng)
     centres = free_poses(limits, rng, _CENTRE_POSES) if limits.is_narrow else None
     times = np.arange(_CONDITION_ROWS) * period / _CONDITION_ROWS
     best: list[tuple[float, _Draw]] = []  # that seemed to keep all limits, each better than the one before it
@@ -418,7 +413,7 @@ def fourier_motion(
         if best and trial >= trials // 3:
             draw = best[-1][1].moved(0.5 * (1.0 - trial / trials) + 0.05, rng)
         else:
-            draw = _Draw.anywhere(limits.model.n, harmonics, rng)
+            draw = _Draw(rng.normal(size=(2, harmonics, n)), rng.uniform(0.6, 1.0, n), np.full(n, 0.5))
             if centres is not None:  # what shows less at its full size is not worth shrinking
                 worth = not best or condition(draw) <= best[-1][0]
                 draw = draw.shrunk(centres[rng.integers(len(centres))], period, limits) if worth else None

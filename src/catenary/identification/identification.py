@@ -139,16 +139,12 @@ class Identification(OnScreen):
             stated = zip(self.model.joint_names, self.options.rotors, strict=True)
             return tuple(Rotor(name, value, None) for name, value in stated)
         base, found = self.base, list[Rotor]()
-        first = len(base.parameters.links) * base.parameters.per_link
-        for k, term in enumerate(base.parameters.actuation):
-            if term.kind == "motor_inertia":
-                column = first + k
-                value = None if self.phi is None else float(self.phi[column])
-                error = None
-                if base.identifiable[column] == "alone" and column in base.columns:
-                    place = int(np.flatnonzero(base.columns == column)[0])
-                    error, value = float(self.std[place]), float(self.beta[place]) if value is None else value
-                found.append(Rotor(term.name, value, error))
+        for column, term in base.parameters.rotors.items():
+            value, error = None if self.phi is None else float(self.phi[column]), None
+            if base.identifiable[column] == "alone" and column in base.columns:
+                place = int(np.flatnonzero(base.columns == column)[0])
+                error, value = float(self.std[place]), float(self.beta[place]) if value is None else value
+            found.append(Rotor(term.name, value, error))
         return tuple(found)
 
     def predict(
@@ -380,7 +376,17 @@ def identify_samples(samples: Sequence[Samples], model: RobotModel, options: Ide
         model, options: See `identify`.
     """
     with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other
-        return _identified(samples, model, options)
+        known_rotors(model, options)  # refuses a number of rotors other than that of joints
+        actuation, parts = replace(actuation_of(model), values=None), tuple[FrictionPart, ...]()
+        if options.rotors is not None:
+            actuation = replace(actuation, motor_inertia=())
+        geared = _geared(model, actuation, options)
+        actuation = replace(actuation_of(geared), friction=actuation.friction)
+        plain = _fit(samples, geared, replace(options, consistent=False))
+        if options.terms == "full" and options.friction:
+            heard = carrying(plain.base, plain.beta, samples)
+            actuation, parts = choose_friction(plain.base, heard, plain.weights, actuation, options.friction)
+        return replace(_fit(samples, replace(model, actuation=actuation), options, like=plain), friction=parts)
 
 
 def gains_of(
@@ -412,21 +418,6 @@ def _geared(model: RobotModel, actuation: Actuation, options: IdentifyOptions) -
     return replace(model, actuation=replace(actuation, friction=steady, motor_inertia=rotors))
 
 
-def _identified(samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions) -> Identification:
-    known_rotors(model, options)  # refuses a number of rotors other than that of joints
-    actuation, parts = replace(actuation_of(model), values=None), tuple[FrictionPart, ...]()
-    if options.rotors is not None:
-        actuation = replace(actuation, motor_inertia=())
-    geared = _geared(model, actuation, options)
-    actuation = replace(actuation_of(geared), friction=actuation.friction)
-    plain = _fit(samples, geared, replace(options, consistent=False))
-    if options.terms == "full" and options.friction:
-        heard = carrying(plain.base, plain.beta, samples)
-        actuation, parts = choose_friction(plain.base, heard, plain.weights, actuation, options.friction)
-    result = _fit(samples, replace(model, actuation=actuation), options, like=plain)
-    return replace(result, friction=parts)
-
-
 def _fit(
     samples: Sequence[Samples], model: RobotModel, options: IdentifyOptions, like: Identification | None = None
 ) -> Identification:
@@ -451,7 +442,15 @@ def _fit(
         rank, condition, weakest = condition_of_triangle(R)
         if rank < base.count:
             still = [name for name, span in zip(model.joint_names, np.ptp(q, axis=0), strict=True) if span < _STILL]
-            raise ExcitationError(_singular(base, rank, condition, weakest, still), rank=rank, n_base=base.count)
+            unseen = "".join(f"joint {name} unseen: move it. " for name in still)
+            raise ExcitationError(
+                f'robot "{model.name}": the recordings show {rank} of {base.count} base parameters (condition '
+                f"{condition:.3g}); {unseen}Least of all a combination of {base.named(weakest)}. No parameters and no "
+                "verdict follow: move every joint, over more of its range and faster; catenary excitation designs such "
+                "a motion. Columns of positions in another joint's place look like this too",
+                rank=rank,
+                n_base=base.count,
+            )
         beta = solve(R)
     assert weights is not None  # for the type checker: there is at least one round
     phi, drawn = None, None
@@ -465,21 +464,17 @@ def _fit(
         seen=residuals.MovedRange(q.min(axis=0), q.max(axis=0), residuals.rms(qd)),
         moved_base=moved_base, prior=drawn is not None,
     )  # fmt: skip
-    hidden = tuple(
-        base.parameters.actuation_at(int(base.columns[k])).name
-        for k, (_, size) in rotors.items()
-        if result.std[k] > _HIDDEN_SHARE * size
-    )
+    named = base.parameters.rotors
+    hidden = tuple(named[int(base.columns[k])].name for k in rotors if result.std[k] > _HIDDEN_SHARE * rotors[k][1])
     return replace(result, training=tuple(result.compare(part) for part in samples), unshown=hidden)
 
 
 def _rotors_beforehand(base: BaseParameters, samples: Sequence[Samples]) -> dict[int, tuple[int, float]]:
     """Return the axis and the prior standard deviation about zero of each base parameter that is a rotor."""
     tau, qdd = (np.concatenate([getattr(part, key) for part in samples]) for key in ("tau", "qdd"))
-    found, first = {}, len(base.parameters.links) * base.parameters.per_link
-    for k, column in enumerate(base.columns):
-        term = base.parameters.actuation_at(int(column)) if column >= first else None
-        if term is not None and term.kind == "motor_inertia":
+    found, rotors = {}, base.parameters.rotors
+    for k, column in enumerate(base.columns.tolist()):
+        if (term := rotors.get(column)) is not None:
             axis, speeding = int(np.argmax(np.abs(term.combination))), qdd @ term.combination
             size, rate = (float(residuals.rms(values)) for values in (tau[:, axis], speeding))
             found[k] = axis, ROTOR_SHARE * size / max(rate, 1e-9)
@@ -505,13 +500,3 @@ def _base_of(samples: Sequence[Samples]) -> tuple[Floats | None, bool]:
     directions = rows[:, 0] / np.linalg.norm(rows[:, 0], axis=1, keepdims=True)
     spread = float(np.sqrt(np.mean(np.sum((directions - directions.mean(axis=0)) ** 2, axis=1))))
     return rows, spread > _TILTING_SHARE
-
-
-def _singular(base: BaseParameters, rank: int, condition: float, weakest: Floats, still: Sequence[str]) -> str:
-    unseen = "".join(f"joint {name} unseen: move it. " for name in still)
-    return (
-        f'robot "{base.parameters.model.name}": the recordings show {rank} of {base.count} base parameters (condition '
-        f"{condition:.3g}); {unseen}Least of all a combination of {base.named(weakest)}. No parameters and no verdict "
-        "follow: move every joint, over more of its range and faster; catenary excitation designs such a motion. "
-        "Columns of positions in another joint's place look like this too"
-    )

@@ -79,9 +79,10 @@ class Parameters:
         beside = (k for k, term in enumerate(self.actuation) if term.friction is None)
         return (*range(self._first), *(self._first + k for k in beside))
 
-    def actuation_at(self, column: int) -> ActuationTerm:
-        """Return the actuation term of a column behind the links'."""
-        return self.actuation[column - self._first]
+    @cached_property
+    def rotors(self) -> dict[int, ActuationTerm]:
+        """The terms of rotors, by column."""
+        return {self._first + k: term for k, term in enumerate(self.actuation) if term.kind == "motor_inertia"}
 
     @property
     def _first(self) -> int:

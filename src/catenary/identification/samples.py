@@ -75,14 +75,6 @@ _RATE_SLOPES = (0.6, 1.6)  # slopes of a velocity on that derivative; filtered v
 _CLOSE_CORRELATION, _ALIKE_SPREAD, _OTHER_DISTANCE = 0.99, 0.02, 0.03
 
 
-def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
-    """Return a recording with its joints in the robot's order; refuse one without torques."""
-    log = of_model(log, model)
-    if log.tau is None:
-        raise InputError(f'recording "{log.name}": has no torques (`tau`), which dynamics are identified from')
-    return log
-
-
 def of_model(log: MotionLog, model: RobotModel) -> MotionLog:
     """Return a recording with its joints in a robot's order; for base joints, with the recorded wrench."""
     if BASE_JOINTS[0] not in model.joint_names or BASE_JOINTS[0] in log.joint_names:
@@ -277,10 +269,11 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
     Raises:
         InputError: No torques or no time, positions beyond the limits, or parts too short for the filter.
     """
-    log = checked_log(log, model)
+    log = of_model(log, model)
+    if log.tau is None:
+        raise InputError(f'recording "{log.name}": has no torques (`tau`), which dynamics are identified from')
     if within_limits:
         check_positions(log, model)
-    assert log.tau is not None  # for the type checker
     actuation, stated = actuation_of(model), as_array("gravity", options.gravity, (3,))
     if options.terms == "static":
         zero = np.zeros(log.q_nominal.shape)
@@ -316,24 +309,10 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
     rate = 1.0 / float(np.median(np.diff(time)))
     sections = _filter(settings, 2.0 * used[0][2] * settings.cutoff_hz)
     history = FrictionHistory(tuple((part["q"], part["qd"], c) for part, c in pieces), sections, np.arange(len(q)))
+    motion = q, rows["qd"], qdd, rows["tau"] - known, known, time
+    of_base, has_rates = (rows.get("gravity", stated), rows.get("base")), log.qd is not None
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
-    gravity, base = rows.get("gravity", stated), rows.get("base")
-    tau = rows["tau"] - known
-    return Samples(
-        log.name,
-        q,
-        rows["qd"],
-        qdd,
-        tau,
-        known,
-        time,
-        independent,
-        gravity,
-        base,
-        history,
-        notes=notes,
-        has_rates=log.qd is not None,
-    )
+    return Samples(log.name, *motion, independent, *of_base, history, notes=notes, has_rates=has_rates)
 
 
 def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Floats]:

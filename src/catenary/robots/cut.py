@@ -201,7 +201,7 @@ def cut_arm(model: RobotModel, base: str, tip: str, *, locked: Mapping[str, floa
         raise InputError(
             f'robot "{model.name}": frame "{base}" is moved by joints of its own arm: {", ".join(arm.joint_names)}'
         )
-    back = Pose(stands.rotation.T, -stands.rotation.T @ stands.position)
+    back = stands.inverse()
     rotation, origin = arm.tree.rotation.copy(), arm.tree.origin.copy()
     for i in np.flatnonzero(arm.tree.parent < 0):
         rotation[i], origin[i] = back @ Pose(rotation[i], origin[i])

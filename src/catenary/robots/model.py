@@ -61,9 +61,8 @@ class Loops(NamedTuple):
 
     loops: tuple[Loop, ...]
     motors: tuple[str, ...]  # coordinates that are driven, which the others follow; empty if not stated
-    assembled: Annotated[
-        Floats, Listed()
-    ]  # (n,) a place next to which the loops close [rad or m]: they may close in several ways
+    # (n,) a place next to which the loops close [rad or m]: they may close in several ways
+    assembled: Annotated[Floats, Listed()]
 
 
 class Unseen(NamedTuple):

@@ -113,9 +113,7 @@ class ServedEncoders:
 _ANNOUNCED_WITHIN_S = 0.6  # [s] until all of a network know of a robot: ROS 1's master is asked twice a second
 _STOPPING_VERBS = ("hold", "free")  # commands after which nothing is obeyed that waited
 _String = message_class("std_msgs/String")
-_COMMAND_COST_A_TICK = (
-    8  # tenths of a millisecond that the commands of a tick take at most; what is left waits for the next one
-)
+_COMMAND_COST_A_TICK = 8  # [0.1 ms] that the commands of a tick take at most; what is left waits for the next one
 
 
 class _Periods:
@@ -248,9 +246,8 @@ class Server:
         """Obey what has come, as much as a tick has time for; what comes faster waits, then the oldest gives way."""
         left, waiting = _COMMAND_COST_A_TICK, 0
         for k, source in enumerate(self._sources):
-            free = (
-                left - _COMMAND_COST_A_TICK // 2 if k < self._others else left
-            )  # state commands leave half to the others
+            # state commands leave half to the others
+            free = left - _COMMAND_COST_A_TICK // 2 if k < self._others else left
             count = min(len(source), TOPIC_COMMANDS_A_TICK, free // source.cost)
             left -= count * source.cost
             if count and k < self._others:  # who asks for a state reads the robot next
