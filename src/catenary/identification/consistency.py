@@ -21,9 +21,8 @@ from scipy import sparse
 from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK
 from catenary.errors import InputError
-from catenary.identification.base_parameters import BaseParameters, random_configurations, random_gravity
+from catenary.identification.base_parameters import FIRST_MOMENTS, BaseParameters, random_configurations, random_gravity
 from catenary.identification.file_masses import rows_of_file
-from catenary.identification.parameters import FIRST_MOMENTS
 from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import Unseen
 

@@ -9,10 +9,9 @@ from catenary.arrays import Floats, as_array
 from catenary.collision.scene import Clearance, CollisionScene
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import ExcitationError, InputError, LimitError
-from catenary.identification.base_parameters import BaseParameters, base_parameters
+from catenary.identification.base_parameters import BaseParameters, Parameters, base_parameters
 from catenary.identification.identify_options import Terms, actuation_of
 from catenary.identification.least_squares import condition_of_triangle
-from catenary.identification.parameters import Parameters
 from catenary.robots.model import RobotModel
 
 _GRID_INSTANTS = 40  # instants for each harmonic at which extremes are looked for

@@ -11,7 +11,7 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK, link_parameters
-from catenary.identification.parameters import Parameters
+from catenary.identification.base_parameters import Parameters
 
 SPREADS = ((0.1, 0.1, 0.3), (0.3, 0.15, 0.5), (1.0, 0.3, 0.2))  # s, c, and how likely that is
 _EXACT = (0.01, 0.2, 0.3)  # of a file whose masses are all wrong by one factor, if at all

@@ -19,13 +19,12 @@ from catenary.dynamics.inverse_dynamics import motion_rows
 from catenary.dynamics.torque_regressor import PER_LINK, link_parameters, torque_regressor, tree_with_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.identification import residuals
-from catenary.identification.base_parameters import BaseParameters, base_parameters
+from catenary.identification.base_parameters import BaseParameters, Parameters, base_parameters
 from catenary.identification.consistency import consistent_fit, likeliest_prior, unseen_of
 from catenary.identification.drive_gains import DriveGains, drive_gains
 from catenary.identification.friction_choice import FrictionPart, choose_friction
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, known_rotors, rotors_beside
 from catenary.identification.least_squares import axis_weights, condition_of_triangle, covariance, solve, triangles
-from catenary.identification.parameters import Parameters
 from catenary.identification.samples import Samples, alternate_blocks, prepare, with_base_wrench
 from catenary.plant import MotionLog
 from catenary.robots.actuation import Actuation, MotorInertia

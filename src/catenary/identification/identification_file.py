@@ -14,9 +14,8 @@ from catenary.cards import card_of, write_with_card
 from catenary.config import IN_FILES, parse_settings, plain_data
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
-from catenary.identification.base_parameters import BaseParameters
+from catenary.identification.base_parameters import BaseParameters, Parameters
 from catenary.identification.identification import Identification
-from catenary.identification.parameters import Parameters
 from catenary.robots.model_record import FORMAT, IDENTIFIED, REMEDY, robot_from_record, robot_record, structure_of
 
 Card = dict[str, Any]

@@ -15,10 +15,10 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
+from catenary.identification.base_parameters import Parameters, recorded_load
 from catenary.identification.explanations.supposed import Added, Supposed
 from catenary.identification.identification import ROTOR_SHARE
 from catenary.identification.identify_options import actuation_of
-from catenary.identification.parameters import Parameters, recorded_load
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 from catenary.spatial import STANDARD_GRAVITY
