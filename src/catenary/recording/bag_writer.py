@@ -89,8 +89,9 @@ def copy_messages(source: Source, to: Mapping[str, tuple[Any, Any]], kind: BagKi
 
     def write(topic: str, name: str, stamp: int, data: bytes | memoryview, given: Encoding) -> None:
         if given != ("ros1" if kind == "ros1" else "cdr"):
+            theirs = ros2_name(name)
             try:
-                data = (store.cdr_to_ros1 if kind == "ros1" else store.ros1_to_cdr)(data, ros2_name(name))
+                data = (store.cdr_to_ros1 if kind == "ros1" else store.ros1_to_cdr)(data, theirs)
             except Exception as error:  # what rosbags raises over bytes that are no such message is of any kind
                 raise FileFormatError(f"{place}: topic {topic}: {len(data)} bytes are no {name}: {error!r}") from error
         bag, connection = to[topic]
