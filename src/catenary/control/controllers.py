@@ -55,7 +55,7 @@ class ControllerKind:
         return make(arm, damping, **self.settings)
 
 
-_GRAVITY, _INERTIA, _ELASTIC = "gravity_pd:gravity_pd", "inertia_pd:inertia_pd", "elastic_pd:elastic_pd"
+_GRAVITY, _INERTIA, _ELASTIC = "pd:gravity_pd", "pd:inertia_pd", "elastic_pd:elastic_pd"
 _KINDS = (
     ControllerKind("pd", "PD alone", "pd:joint_pd", gravity=None),
     ControllerKind("sg", "PD + gravity of a level base (SG)", _GRAVITY, {"level": True}, "level"),
@@ -75,8 +75,8 @@ _KINDS = (
     ),
 )
 _HOLDS = (
-    ControllerKind("sg", "gravity of a level base alone", "gravity_pd:gravity_hold", {"level": True}, "level"),
-    ControllerKind("dg", "sensed gravity alone", "gravity_pd:gravity_hold", {"level": False}),
+    ControllerKind("sg", "gravity of a level base alone", "pd:gravity_hold", {"level": True}, "level"),
+    ControllerKind("dg", "sensed gravity alone", "pd:gravity_hold", {"level": False}),
 )
 CONTROLLERS = {kind.name: kind for kind in _KINDS}
 HOLDS = {kind.name: kind for kind in _HOLDS}  # gravity compensation alone

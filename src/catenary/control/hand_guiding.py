@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_not_negative, as_positive
-from catenary.control.gravity_pd import GravityHold
-from catenary.control.pd import JointPD
+from catenary.control.pd import GravityHold, JointPD
 from catenary.dynamics.actuation_loads import ActuationLoads
 from catenary.dynamics.external_torque import IN_95_PERCENT, MomentumObserver
 from catenary.dynamics.kinematics import forward_kinematics, jacobian

@@ -10,7 +10,7 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK, link_parameters
 from catenary.identification.base_parameters import Parameters
-from catenary.identification.file_masses import MASS_SHARE, SPREADS, mass_covariance
+from catenary.identification.consistency import MASS_SHARE, SPREADS, mass_covariance
 from catenary.identification.identification import Identification
 from catenary.robots.model import RobotModel
 
