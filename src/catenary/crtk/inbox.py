@@ -6,8 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, wait
 from typing import Any, NamedTuple
 
-from catenary.crtk.message import Message, has_header
-from catenary.crtk.message_bytes import MESSAGE_BYTES
+from catenary.crtk.message import MESSAGE_BYTES, Message, has_header
 from catenary.errors import FileFormatError, InputError
 
 UNTAKEN_MESSAGES = 4000  # that ROS 2 keeps of a topic until the receiver takes them; what it drops, nobody counts

@@ -24,8 +24,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin
-from catenary.crtk.message import HEADER, Message
-from catenary.crtk.message_bytes import CDR, codec
+from catenary.crtk.message import CDR, HEADER, Message, codec
 from catenary.crtk.network import BEGIN, RosArguments
 from catenary.crtk.transport import SETTLE_S, UNNAMED_NODE, Answer, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError

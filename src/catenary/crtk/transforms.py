@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from catenary.crtk.clock import SECOND
-from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import CDR, ROS1, codec
+from catenary.crtk.message import CDR, ROS1, Message, codec
 from catenary.crtk.message_values import pose_of
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError

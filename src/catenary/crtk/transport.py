@@ -18,8 +18,7 @@ from typing import Any, NamedTuple, Self
 
 from catenary.crtk.clock import SECOND, Clock, Rate
 from catenary.crtk.inbox import Inbox, Origin, Request, Subscription
-from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import MESSAGE_BYTES, ROS1, codec
+from catenary.crtk.message import MESSAGE_BYTES, ROS1, Message, codec
 from catenary.errors import InputError, TransportError
 from catenary.recording.messages import current_name, service_md5_sum
 

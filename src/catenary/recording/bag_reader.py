@@ -406,10 +406,7 @@ def open_recording(path: Path) -> Source:
 
 def open_recordings(paths: Sequence[Path]) -> tuple[Source, ...]:
     """Open several files of one recording, such as one bag per topic; a folder of bags stands for all of them."""
-    found = [bag for path in paths for bag in bags_in(path)]
-    if not found:
-        raise FileFormatError("recording: expected at least one file, got none")
-    return tuple(sorted(map(open_recording, found), key=_start))
+    return tuple(sorted((open_recording(bag) for path in paths for bag in bags_in(path)), key=_start))
 
 
 def rescue_of(sources: Sequence[Source]) -> Rescue:

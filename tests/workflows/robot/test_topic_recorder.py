@@ -11,8 +11,7 @@ from numpy.testing import assert_allclose
 
 from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback
-from catenary.crtk.message import header, message_class
-from catenary.crtk.message_bytes import codec
+from catenary.crtk.message import codec, header, message_class
 from catenary.crtk.message_values import joint_state_message
 from catenary.errors import NotReadyError, RecordingError, TransportError
 from catenary.raven2.topics import EXT_JPOS, RAVENSTATE_100HZ, in_channels, raven_topics

@@ -85,14 +85,10 @@ def read_text(path: Path) -> list[Stream]:
     return [replace(joined(parts), notes=tuple(text.notes))]
 
 
-def read_npz(path: Path) -> list[Stream]:
-    """Read NumPy's archive of arrays."""
-    return streams_of_arrays(path, read_arrays(path))
-
-
-def read_npy(path: Path) -> list[Stream]:
-    """Read NumPy's array, whose columns are `data[0]`, `data[1]`, ..."""
-    return streams_of_arrays(path, {NAMELESS_ARRAY: read_array(path)})
+def read_numpy(path: Path) -> list[Stream]:
+    """Read NumPy's archive of arrays, or its array, whose columns are `data[0]`, `data[1]`, ..."""
+    is_archive = format_of(path).ending == ".npz"
+    return streams_of_arrays(path, read_arrays(path) if is_archive else {NAMELESS_ARRAY: read_array(path)})
 
 
 def read_gzip_table(path: Path) -> list[Stream]:

@@ -24,8 +24,7 @@ from catenary.arrays import Floats
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Subscription
-from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import codec
+from catenary.crtk.message import Message, codec
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, FileFormatError, InputError, NotReadyError, RecordingError, TransportError
 from catenary.plant import JointState
