@@ -398,11 +398,7 @@ def identify_samples(samples: Sequence[Samples], model: RobotModel, options: Ide
     """
     with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other
         known_rotors(model, options)  # refuses a number of rotors other than that of joints
-        actuation, parts = replace(actuation_of(model), values=None), tuple[FrictionPart, ...]()
-        if options.rotors is not None:
-            actuation = replace(actuation, motor_inertia=())
-        geared = _geared(model, actuation, options)
-        actuation = replace(actuation_of(geared), friction=actuation.friction)
+        (geared, actuation), parts = _geared(model, options), tuple[FrictionPart, ...]()
         plain = _fit(samples, geared, replace(options, consistent=False))
         if options.terms == "full" and options.friction:
             heard = carrying(plain.base, plain.beta, samples)
@@ -423,20 +419,20 @@ def gains_of(
     Raises:
         InputError: The robot has known torques or rotors, which are in Nm.
     """
-    actuation = replace(actuation_of(model), values=None)
+    geared, actuation = _geared(model, options)
     if options.rotors is not None or actuation.known_torques:
         raise InputError("currents: torques of known rotors, cables or springs are in Nm: leave them out")
-    geared = _geared(model, actuation, options)
     with threadpool_limits(limits=1):
         return drive_gains(_fit([*free, *loaded], geared, replace(options, consistent=False)).base, free, loaded, load)
 
 
-def _geared(model: RobotModel, actuation: Actuation, options: IdentifyOptions) -> RobotModel:
-    """Return a robot with an actuation and the rotors to identify, without load-dependent friction."""
-    beside = rotors_beside(model) if options.find_rotors and options.rotors is None else ()
-    steady = tuple(friction.only(lambda term: not term.grows_with_load) for friction in actuation.friction)
-    rotors = (*actuation.motor_inertia, *beside)
-    return replace(model, actuation=replace(actuation, friction=steady, motor_inertia=rotors))
+def _geared(model: RobotModel, options: IdentifyOptions) -> tuple[RobotModel, Actuation]:
+    """Return a robot's actuation with the rotors to identify, and the robot with it but load-dependent friction."""
+    own, beside = actuation_of(model), rotors_beside(model) if options.find_rotors else ()
+    rotors = (*own.motor_inertia, *beside) if options.rotors is None else ()
+    actuation = replace(own, values=None, motor_inertia=rotors)
+    steady = tuple(friction.only(lambda term: not term.grows_with_load) for friction in own.friction)
+    return replace(model, actuation=replace(actuation, friction=steady)), actuation
 
 
 def _fit(
