@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.identification.explanations.columns import Supposed
 from catenary.identification.explanations.evidence import Evidence
-from catenary.identification.explanations.supposed import Supposed
 from catenary.identification.identification import CarriedBody
 from catenary.identification.identify_options import actuation_of
 from catenary.robots.actuation import Friction, MotorInertia

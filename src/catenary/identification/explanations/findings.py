@@ -7,18 +7,17 @@ tenth.
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
 from catenary.identification.explanations.arm import load_body
 from catenary.identification.explanations.beliefs import Belief, belief_of
-from catenary.identification.explanations.columns import Rows
+from catenary.identification.explanations.columns import Rows, Supposed
 from catenary.identification.explanations.evidence import Evidence, Fit
-from catenary.identification.explanations.hypotheses import UNSURE
-from catenary.identification.explanations.search import Cause, ExplainedRecording, find_explanation
-from catenary.identification.explanations.supposed import Supposed
+from catenary.identification.explanations.hypotheses import HYPOTHESES, UNSURE, Hypothesis, PossibleCause, Trial
 from catenary.identification.identification import Identification
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
@@ -29,6 +28,77 @@ _POOR = 0.3  # relative residual of a joint, beyond which nothing is advised abo
 _IMPLAUSIBLE = 2.0  # squared distance of masses from the file's, per parameter
 _UNSEEN_SHARE = 0.5  # of a joint's torque at usual motions, that a recording leaves open
 _USUAL_ROWS, _USUAL_RANGE = 60, 0.6  # random motion: rows, and least amplitude [rad or m]
+_MARGIN, _FURTHER_MARGIN = 5.0, 12.0  # [nats] that a cause gains at least, and a further one beside it
+_MOST_CAUSES, _WEIGHED = 3, 8  # candidates that are weighed over all spreads
+_SPREAD_ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A hypothesis that explains a recording."""
+
+    hypothesis: Hypothesis
+    candidate: PossibleCause
+    gain: float  # [nats] of evidence over what was supposed before
+    rivals: tuple[tuple[float, Hypothesis, PossibleCause], ...] = ()  # and by how many nats they are less likely
+
+
+@dataclass(frozen=True)
+class ExplainedRecording:
+    """Explanation of a recording, with its residual."""
+
+    causes: tuple[Cause, ...]
+    supposed: Supposed
+    fit: Fit
+
+
+def find_explanation(evidence: Evidence, settled: Collection[str] = ()) -> ExplainedRecording:
+    """Explain a recording by as few causes as its evidence asks for; hypotheses that are `settled` are left out."""
+    with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other
+        supposed, debt = evidence.plain, 0.0
+        used, which = evidence.over_spreads(supposed)
+        causes = list[Cause]()
+        while len(causes) < _MOST_CAUSES:
+            for _ in range(_SPREAD_ROUNDS):  # again at the spread of masses that the best one leaves
+                ranked = _ranked(Trial(evidence, supposed, which), debt, settled)
+                value, hypothesis, candidate, its_own = ranked[0]
+                if value - used < _MARGIN or its_own == which:
+                    break
+                which = its_own
+            if value - used < (_FURTHER_MARGIN if causes else _MARGIN):
+                break
+            rivals = tuple(
+                (value - other, kind, rival)
+                for other, kind, rival, _ in ranked[1:]
+                if value - other < _MARGIN and (kind.name, rival.joints) != (hypothesis.name, candidate.joints)
+            )
+            causes.append(Cause(hypothesis, candidate, value - used, rivals))
+            supposed, used = candidate.supposed, value
+            evidence_now, which = evidence.over_spreads(supposed)
+            debt = evidence_now - used  # price and integral, which further causes pay as well
+        return ExplainedRecording(tuple(causes), supposed, evidence.fit(supposed, which))
+
+
+def _ranked(trial: Trial, debt: float, settled: Collection[str]) -> list[tuple[float, Hypothesis, PossibleCause, int]]:
+    """Return the best candidates with their evidence over all spreads, less prices, best first."""
+    knows, identified = trial.evidence.belief.knows_masses, len(trial.evidence.belief.covariances) == 1
+    found = []
+    for hypothesis in HYPOTHESES.values():
+        if (
+            hypothesis.name not in settled
+            and hypothesis.by_masses <= knows
+            and hypothesis.by_identification <= identified
+        ):
+            price = hypothesis.price(trial.n)
+            found += [(c.log_evidence - price, hypothesis, c) for c in hypothesis.candidates(trial)]
+    found.sort(key=lambda each: -each[0])
+    weighed = []
+    for value, hypothesis, candidate in found[:_WEIGHED]:
+        whole, which = trial.evidence.over_spreads(candidate.supposed)
+        here = trial.log(candidate.supposed)
+        weighed.append((whole + value - here - debt, hypothesis, candidate, which))
+    weighed.sort(key=lambda each: -each[0])
+    return weighed
 
 
 def torque_findings(model: RobotModel, samples: Samples, settled: Collection[str] = ()) -> list[Finding]:
