@@ -20,8 +20,13 @@ from catenary.file_formats import format_of
 from catenary.files import write_atomically
 from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.drive_gains import DriveGains
-from catenary.identification.explanations.arm import arm_as_found
-from catenary.identification.explanations.findings import GAINS, day_findings, explained_torques, findings_against
+from catenary.identification.explanations.findings import (
+    GAINS,
+    arm_as_found,
+    day_findings,
+    explained_torques,
+    findings_against,
+)
 from catenary.identification.identification import CarriedBody, Identification, gains_of, identify_logs, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
 from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of

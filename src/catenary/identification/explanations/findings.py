@@ -1,4 +1,6 @@
-"""Report of an explanation: a note where it is the arm's, a refusal with its option where it is the recording's.
+"""Explanation of recordings: by which causes, the robot as they show it, with bodies and shared drives, and findings.
+
+A finding is a note where it is the arm's, a refusal with its option where it is the recording's.
 
 There is advice only where the mended recording is as good as a sound one: no joint is left with 30 % of its torque,
 masses are plausible, only faults of the same joints are nearly as likely, and the number that mends it is known to a
@@ -13,13 +15,14 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.identification.explanations.arm import load_body
 from catenary.identification.explanations.beliefs import Belief, belief_of
 from catenary.identification.explanations.columns import Rows, Supposed
 from catenary.identification.explanations.evidence import Evidence, Fit
 from catenary.identification.explanations.hypotheses import HYPOTHESES, UNSURE, Hypothesis, PossibleCause, Trial
-from catenary.identification.identification import Identification
+from catenary.identification.identification import CarriedBody, Identification
+from catenary.identification.identify_options import actuation_of
 from catenary.identification.samples import Samples
+from catenary.robots.actuation import Friction, MotorInertia
 from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding
 
@@ -31,6 +34,8 @@ _USUAL_ROWS, _USUAL_RANGE = 60, 0.6  # random motion: rows, and least amplitude 
 _MARGIN, _FURTHER_MARGIN = 5.0, 12.0  # [nats] that a cause gains at least, and a further one beside it
 _MOST_CAUSES, _WEIGHED = 3, 8  # candidates that are weighed over all spreads
 _SPREAD_ROUNDS = 4
+_BODY_RADIUS_M = 0.05  # of the ball that a body is taken for, whose own inertia torques hardly show
+_LEAST_SIGMAS = 1.0  # that a body's mass lies above zero
 
 
 @dataclass(frozen=True)
@@ -250,3 +255,61 @@ def posterior(evidence: Evidence, fit: Fit, which: int = 0) -> Belief:
     C = 0.5 * (C + C.T) + 1e-12 * np.diag(np.diag(C))
     had = np.concatenate([mean, np.zeros(p - m)])
     return evidence.belief.after(had + G @ (fit.beta[:p] - np.concatenate([onto.T @ mean, np.zeros(p - m)])), C)
+
+
+def arm_as_found(
+    model: RobotModel, found: Sequence[tuple[Evidence, Supposed]]
+) -> tuple[RobotModel, tuple[CarriedBody, ...]]:
+    """Return a robot with what explains its recordings, and the bodies that are part of its masses now.
+
+    Args:
+        model: The robot as its file has it.
+        found: Each recording's evidence, and what it supposes. A drive is taken from any of them; a body only where all
+            carry one on the same link, as masses would be those of one recording otherwise.
+    """
+    drives = dict.fromkeys(drive for _, supposed in found for drive in supposed.shared)
+    for drive in drives:
+        model = _with_shared_drive(model, *drive)
+    bodies = list[CarriedBody]()
+    for link in found[0][1].loads if found else ():
+        if all(link in supposed.loads for _, supposed in found):
+            shown = [load_body(evidence, supposed, link) for evidence, supposed in found]
+            body, std = np.mean([each for each, _ in shown], axis=0), max(std for _, std in shown)
+            if body[0] > _LEAST_SIGMAS * std:
+                bodies.append(_carried_body(model, link, body))
+                model = bodies[-1].on(model)
+    return model, tuple(bodies)
+
+
+def _with_shared_drive(model: RobotModel, i: int, j: int, sign: float) -> RobotModel:
+    """Return a robot with friction and a rotor on q_i + sign q_j, and a rotor on each of the two joints."""
+    actuation, eye, names = actuation_of(model), np.eye(model.n), model.joint_names
+    along, name = eye[i] + sign * eye[j], f"{names[i]} {'+' if sign > 0.0 else '-'} {names[j]}"
+    own = [MotorInertia(names[k], eye[k]) for k in (i, j) if not any(r.combination[k] for r in actuation.motor_inertia)]
+    return replace(
+        model,
+        actuation=replace(
+            actuation,
+            values=None,
+            friction=(*actuation.friction, Friction(name, along, offset=False)),
+            motor_inertia=(*actuation.motor_inertia, *own, MotorInertia(name, along)),
+        ),
+    )
+
+
+def _carried_body(model: RobotModel, link: int, body: Floats) -> CarriedBody:
+    """Return a body (10,) of a link as one on the tip, or in the link's own frame."""
+    tip = model.frame()
+    name, pose = (model.tip, tip.pose) if tip.link == link else (model.link_names[link], None)
+    place = body[1:4] / body[0]
+    place = place if pose is None else pose.rotation.T @ (place - pose.position)
+    ball = 0.4 * float(body[0]) * _BODY_RADIUS_M**2
+    return CarriedBody(name, float(body[0]), tuple(place.tolist()), (ball, 0.0, 0.0, ball, 0.0, ball))
+
+
+def load_body(evidence: Evidence, supposed: Supposed, link: int) -> tuple[Floats, float]:
+    """Return the parameters (10,) of a body on a link that is supposed to carry one, and its mass' deviation [kg]."""
+    _, which = evidence.over_spreads(supposed)
+    load = evidence.belief.load
+    body, unsure = evidence.body(link, load, evidence.fit(supposed, which), which, supposed.loads)
+    return load @ body, float(load[0, 0] * np.sqrt(max(unsure[0, 0], 0.0)))
