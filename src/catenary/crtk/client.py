@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.crtk.clock import SECOND
 from catenary.crtk.exclusive_control import LISTEN_S, STOPPING_COMMANDS, OtherCommanders, require_one_robot
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import Stamps, command_message, joint_state_message
@@ -31,6 +30,7 @@ from catenary.crtk.topic_names import BUTTON, NAMESPACES, SIGNAL, TEXT, WARNING
 from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import NotReadyError, TransportError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, OperatingState, StateCommand, require_ready
+from catenary.topics import SECOND
 
 _REACHED_WITHIN = 1e-6  # [rad|m] distance of the setpoint to a reached goal: RAVEN-II computes in 32-bit floats
 _COMMAND_TIMEOUT_S = 2.0  # [s] until a transition must be confirmed

@@ -3,7 +3,6 @@
 import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, wait
 from typing import Any, NamedTuple
 
 from catenary.crtk.message import MESSAGE_BYTES, Message, has_header
@@ -195,22 +194,3 @@ class Subscription:
         except FileFormatError:
             self.damaged += 1
             return None
-
-
-class Request(Future[bytes]):
-    """A call of a service that waits for its answer."""
-
-    def __init__(self, answer: Callable[[], bytes]) -> None:
-        super().__init__()
-        self._answer = answer
-
-    def run(self) -> None:
-        """Compute the answer, in the thread that serves."""
-        try:
-            self.set_result(self._answer())
-        except Exception as error:  # the caller gets it, the server lives on
-            self.set_exception(error)
-
-    def wait(self, timeout: float) -> bool:
-        """Wait for the answer up to `timeout` [s]; return whether it came."""
-        return bool(wait([self], timeout).done)

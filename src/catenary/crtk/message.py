@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from rosbags.serde import SerdeError
 
-from catenary.crtk.clock import SECOND
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.messages import MESSAGES, NUMBERS, TIMES, Field, current_name, fields, ros2_name, typestore
+from catenary.topics import SECOND
 
 # made at run time, so mypy sees no fields; `MESSAGES` says which there are
 Message = Any

@@ -22,13 +22,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin
 from catenary.crtk.message import CDR, HEADER, Message, codec
 from catenary.crtk.network import BEGIN, RosArguments
 from catenary.crtk.transport import SETTLE_S, UNNAMED_NODE, Answer, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name, fields
+from catenary.topics import SECOND
 
 _AGAIN = 1000  # messages among which one that came to two readers is known again
 _IDLE = 0.0005  # [s] between two looks for messages where none came

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from catenary.control.loop_report import GravityTally
-from catenary.crtk.clock import SECOND
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message, operating_state
 from catenary.crtk.topic_names import JOINT_STATE, topic_name
@@ -22,6 +21,7 @@ from catenary.sensing.checks import Fault
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import GravityReading, ReadingStatus, tilt_angle
 from catenary.spatial import LEVEL
+from catenary.topics import SECOND
 
 TOPIC = "/gravity"
 _STATUS_EVERY_S = 1.0  # [s]; and whenever it changes

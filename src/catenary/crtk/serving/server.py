@@ -13,7 +13,6 @@ from time import perf_counter
 import numpy as np
 
 from catenary.crtk.client import STARTS_TEXT
-from catenary.crtk.clock import SECOND
 from catenary.crtk.exclusive_control import WATCH_EVERY_NS, Commander, another_robot, require_no_other_robot
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, header, message_class
@@ -37,7 +36,7 @@ from catenary.crtk.topic_names import (
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, TransportError
 from catenary.plant import OperatingState, Plant, fault_of
-from catenary.topics import Topic
+from catenary.topics import SECOND, Topic
 
 _Array, _Status, _KeyValue = (
     message_class(f"diagnostic_msgs/{name}") for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
