@@ -21,7 +21,7 @@ from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.inverse_kinematics import search_range
 from catenary.dynamics.torque_regressor import PARAMETER_NAMES, PARAMETER_UNITS, PER_LINK, torque_regressor
 from catenary.errors import InputError
-from catenary.identification.identify_options import Terms, actuation_of
+from catenary.identification.identify_options import Terms
 from catenary.identification.samples import HELD_OUT, Samples
 from catenary.robots.actuation import ActuationTerm, actuation_terms
 from catenary.robots.friction_terms import NOT_NEGATIVE
@@ -72,7 +72,7 @@ class Parameters:
         """The parameters beside those of the links."""
         if not self.actuated:
             return ()
-        return actuation_terms(actuation_of(self.model), static=self.terms == "static")
+        return actuation_terms(self.model.assumed_actuation, static=self.terms == "static")
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -153,7 +153,7 @@ class Parameters:
         Friction is as in steady sliding, without load.
         """
         whole = torque_regressor(self.model, q, qd, qdd, gravity, base)
-        smoothing = actuation_of(self.model).coulomb_velocity
+        smoothing = self.model.assumed_actuation.coulomb_velocity
         each = (term_load(term, q, qd, qdd, smoothing) for term in self.actuation)
         return self.beside_links(whole, np.column_stack([np.zeros((len(q), 0)), *each]))
 
@@ -166,7 +166,7 @@ class Parameters:
 
     def loads(self, samples: Samples) -> Floats:
         """Return the loads (N, t) of the actuation's terms on a recording's rows, as friction remembers its history."""
-        smoothing = actuation_of(self.model).coulomb_velocity
+        smoothing = self.model.assumed_actuation.coulomb_velocity
         each = (recorded_load(term, samples, smoothing) for term in self.actuation)
         return np.column_stack([np.zeros((len(samples), 0)), *each])
 

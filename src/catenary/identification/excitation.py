@@ -10,7 +10,7 @@ from catenary.collision.scene import Clearance, CollisionScene
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import ExcitationError, InputError, LimitError
 from catenary.identification.base_parameters import BaseParameters, Parameters, base_parameters
-from catenary.identification.identify_options import Terms, actuation_of
+from catenary.identification.identify_options import Terms
 from catenary.identification.least_squares import condition_of_triangle
 from catenary.robots.model import RobotModel
 
@@ -278,7 +278,7 @@ def shown_parameters(
 
     Friction that needs a recording's course or torques is left out: in steady sliding it is Coulomb friction, or none.
     """
-    own = actuation_of(model)
+    own = model.assumed_actuation
     steady = [f.only(lambda term: not term.needs_course) for f in own.friction if not f.recording]
     model = replace(model, actuation=replace(own, friction=tuple(steady), values=None))
     low, high = room.inner()

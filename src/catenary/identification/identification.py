@@ -23,13 +23,12 @@ from catenary.identification.base_parameters import BaseParameters, Parameters, 
 from catenary.identification.consistency import consistent_fit, likeliest_prior, unseen_of
 from catenary.identification.drive_gains import DriveGains, drive_gains
 from catenary.identification.friction_choice import FrictionPart, choose_friction
-from catenary.identification.identify_options import IdentifyOptions, actuation_of, known_rotors, rotors_beside
+from catenary.identification.identify_options import IdentifyOptions, known_rotors, rotors_beside
 from catenary.identification.least_squares import axis_weights, condition_of_triangle, covariance, solve, triangles
 from catenary.identification.samples import Samples, alternate_blocks, prepare, with_base_wrench
 from catenary.plant import MotionLog
 from catenary.robots.actuation import Actuation, MotorInertia
-from catenary.robots.base_joints import BASE_JOINTS
-from catenary.robots.cut import driven_actuation
+from catenary.robots.cut import BASE_JOINTS, driven_actuation
 from catenary.robots.model import RobotModel
 from catenary.spatial import STANDARD_GRAVITY
 from catenary.tables import Column, OnScreen, Screen, Table, joint_columns
@@ -165,7 +164,9 @@ class Identification(OnScreen):
             raise InputError(f'"{self.model.name}" was identified from poses at rest: it predicts no motion')
         g = as_array("gravity", self.options.gravity if gravity is None else gravity, (3,))
         rows, rates, accelerations = motion
-        known = known_torque(actuation_of(self.model), rows) + known_rotors(self.model, self.options) * accelerations
+        known = (
+            known_torque(self.model.assumed_actuation, rows) + known_rotors(self.model, self.options) * accelerations
+        )
         down, places = np.broadcast_to(g, (len(rows), 3)), np.arange(len(rows), dtype=float)
         made = Samples("", rows, rates, accelerations, np.zeros_like(rows), known, places, 1.0, gravity=down)
         tau = self.predict_samples(made) + known
@@ -174,7 +175,7 @@ class Identification(OnScreen):
     def with_gains(self, gains: Floats) -> Identification:
         """Return the identification for a robot whose torques are its raw efforts times these gains (n,)."""
         base, model = self.base, self.model
-        model = replace(model, actuation=replace(actuation_of(model), effort_scale=gains))
+        model = replace(model, actuation=replace(model.assumed_actuation, effort_scale=gains))
         return replace(self, base=replace(base, parameters=replace(base.parameters, model=model)))
 
     def test(self, samples: Sequence[Samples]) -> Identification:
@@ -236,7 +237,7 @@ class Identification(OnScreen):
                 phi[link, 4:] = (point / mass)[np.triu_indices(3)]
         of_all = [not term.recording for term in parameters.actuation]  # not terms of a single recording
         values = consistent[len(parameters.links) * parameters.per_link :][of_all]
-        actuation = actuation_of(self.model)
+        actuation = self.model.assumed_actuation
         actuation = replace(actuation, friction=tuple(f for f in actuation.friction if not f.recording))
         if static:
             still = (f.only(lambda term: term.at_rest) for f in actuation.friction)
@@ -345,7 +346,7 @@ def _of_arm(found: Identification, model: RobotModel, samples: Sequence[Samples]
     """Convert an identification with base joints to the arm's own parameters, a subset."""
     full, first = found.base.parameters, len(BASE_JOINTS)
     own = np.eye(full.model.n)[:, first:]
-    actuation = driven_actuation(model.name, actuation_of(full.model), own, np.zeros(full.model.n))
+    actuation = driven_actuation(model.name, full.model.assumed_actuation, own, np.zeros(full.model.n))
     parameters, motion = Parameters(replace(model, actuation=actuation), full.terms), _motion(samples)
     rng, gravity = np.random.default_rng(found.options.seed), np.array(found.options.gravity)
     base = base_parameters(parameters, gravity, motion, rng, on_base=_base_of(samples)[0])
@@ -428,7 +429,7 @@ def gains_of(
 
 def _geared(model: RobotModel, options: IdentifyOptions) -> tuple[RobotModel, Actuation]:
     """Return a robot's actuation with the rotors to identify, and the robot with it but load-dependent friction."""
-    own, beside = actuation_of(model), rotors_beside(model) if options.find_rotors else ()
+    own, beside = model.assumed_actuation, rotors_beside(model) if options.find_rotors else ()
     rotors = (*own.motor_inertia, *beside) if options.rotors is None else ()
     actuation = replace(own, values=None, motor_inertia=rotors)
     steady = tuple(friction.only(lambda term: not term.grows_with_load) for friction in own.friction)
@@ -452,7 +453,7 @@ def _fit(
             samples = carrying(base, beta, samples)
         reduced = triangles(base, samples)
         if weights is None:
-            weights = axis_weights(options.weighting or actuation_of(model).weighting, samples, reduced)
+            weights = axis_weights(options.weighting or model.assumed_actuation.weighting, samples, reduced)
         rotors = _rotors_beforehand(base, samples)
         reduced = reduced.near_zero(rotors, solve(reduced.stacked(weights)))
         R = reduced.stacked(weights)

@@ -21,7 +21,6 @@ from catenary.identification.explanations.beliefs import belief_of, belief_of_kn
 from catenary.identification.explanations.evidence import Evidence
 from catenary.identification.explanations.loads import Load, differences, weigh_loads
 from catenary.identification.identification import Identification
-from catenary.identification.identify_options import actuation_of
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 
@@ -179,7 +178,7 @@ def locate_load(
             raise InputError(f'frames: "{name}" is on no link that moves and has mass: a body there has no effect')
     down = gravity_rows(gravity, len(rows))
     down = down[0] if len(down) == 1 else down
-    known = known_torque(actuation_of(model), rows)
+    known = known_torque(model.assumed_actuation, rows)
     still, places = np.zeros_like(rows), np.arange(float(len(rows)))
     samples = Samples("", rows, still, still, torques - known, known, places, 1.0, down)
     evidence = Evidence(model, samples, belief, len(rows), spread)

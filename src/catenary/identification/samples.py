@@ -5,7 +5,7 @@ acceleration less the acceleration of the base's origin: the negated reading of 
 elsewhere (`IdentifyOptions.base_sensor`) is converted with the base's rotation. `base_rate:x` ... [rad/s] is the base's
 angular velocity, `base_acceleration:x` ... [rad/s2] its derivative, computed from the rate if missing. `base_force:x`
 ... [N] and `base_moment:x` ... [Nm], about the base's origin, are the wrench on the base as a sensor under it measures:
-six more axes of the robot (`robots/base_joints.py`).
+six more axes of the robot (`robots/cut.py`).
 
 Friction depends on more than one row. The filter of torques rounds the steps of Coulomb friction, so its column passes
 the same filter. Presliding friction depends on the path since the last reversals. Both are computed over the whole
@@ -26,11 +26,11 @@ from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
-from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, known_rotors
+from catenary.identification.identify_options import IdentifyOptions, filter_of, known_rotors
 from catenary.kernels.compiled import compiled
 from catenary.plant import Joints, MotionLog
 from catenary.robots.actuation import SignalFilter
-from catenary.robots.base_joints import BASE_JOINTS, on_base_joints
+from catenary.robots.cut import BASE_JOINTS, on_base_joints
 from catenary.robots.friction_terms import FrictionTerm
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
@@ -274,7 +274,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
         raise InputError(f'recording "{log.name}": has no torques (`tau`), which dynamics are identified from')
     if within_limits:
         check_positions(log, model)
-    actuation, stated = actuation_of(model), as_array("gravity", options.gravity, (3,))
+    actuation, stated = model.assumed_actuation, as_array("gravity", options.gravity, (3,))
     if options.terms == "static":
         zero = np.zeros(log.q_nominal.shape)
         known = known_torque(actuation, log.q_nominal)

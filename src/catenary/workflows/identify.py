@@ -29,7 +29,7 @@ from catenary.identification.explanations.findings import (
 )
 from catenary.identification.identification import CarriedBody, Identification, gains_of, identify_logs, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
-from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of
+from catenary.identification.identify_options import IdentifyOptions, filter_of
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.residuals import rms
 from catenary.identification.samples import HELD_OUT, Samples, check_positions, prepare
@@ -337,7 +337,7 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
     """Return notes on assumptions, doubts, and choices by held-out blocks."""
     options = result.options
     static = options.terms == "static"
-    if not static and actuation_of(model).find_rotors:  # no table
+    if not static and model.assumed_actuation.find_rotors:  # no table
         used = filter_of(model, options)
         yield (
             f"{model.name}: its file states no filter: assumed friction on every joint, a filter of order {used.order} "

@@ -17,7 +17,6 @@ from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.identification.base_parameters import Parameters, recorded_load
 from catenary.identification.identification import ROTOR_SHARE
-from catenary.identification.identify_options import actuation_of
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 from catenary.spatial import STANDARD_GRAVITY
@@ -169,7 +168,7 @@ class Rows:
         if key not in self._friction:
             order, sign = list(supposed.position_order), np.array(supposed.signs)
             few = self.samples.rows(np.isin(np.arange(len(self.samples)), self.at), self.samples.name)
-            history, smooth = few.history, actuation_of(self.model).coulomb_velocity
+            history, smooth = few.history, self.model.assumed_actuation.coulomb_velocity
             if history is not None:
                 segments = [(q[:, order] * sign, qd[:, order] * sign, cut) for q, qd, cut in history.segments]
                 history = replace(history, segments=tuple(segments))

@@ -20,7 +20,6 @@ from catenary.identification.explanations.columns import Rows, Supposed
 from catenary.identification.explanations.evidence import Evidence, Fit
 from catenary.identification.explanations.hypotheses import HYPOTHESES, UNSURE, Hypothesis, PossibleCause, Trial
 from catenary.identification.identification import CarriedBody, Identification
-from catenary.identification.identify_options import actuation_of
 from catenary.identification.samples import Samples
 from catenary.robots.actuation import Friction, MotorInertia
 from catenary.robots.model import RobotModel
@@ -283,7 +282,7 @@ def arm_as_found(
 
 def _with_shared_drive(model: RobotModel, i: int, j: int, sign: float) -> RobotModel:
     """Return a robot with friction and a rotor on q_i + sign q_j, and a rotor on each of the two joints."""
-    actuation, eye, names = actuation_of(model), np.eye(model.n), model.joint_names
+    actuation, eye, names = model.assumed_actuation, np.eye(model.n), model.joint_names
     along, name = eye[i] + sign * eye[j], f"{names[i]} {'+' if sign > 0.0 else '-'} {names[j]}"
     own = [MotorInertia(names[k], eye[k]) for k in (i, j) if not any(r.combination[k] for r in actuation.motor_inertia)]
     return replace(
