@@ -195,17 +195,14 @@ STARTS_TEXT = ": starts"  # in the robot's message on an arm that the button sta
 _BUTTON_PREFIX = "button: "  # start of that message on a topic
 
 
-def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]:
+def press_button(transport: Transport) -> tuple[bool, str]:
     """Press a RAVEN-II's silver button.
-
-    Args:
-        transport, timeout: Connection, and time to wait for the robot's answer [s].
 
     Returns:
         Whether an arm starts, and the robot's message.
 
     Raises:
-        TransportError: Nobody listens to the button.
+        TransportError: Nobody listens to the button, or answers.
     """
     publisher = transport.publisher(BUTTON, SIGNAL)
     heard = transport.subscribe(f"{NAMESPACES['gold']}/{WARNING}", TEXT)
@@ -218,14 +215,13 @@ def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]
         else:
             raise TransportError(f"{BUTTON}: nobody listens to it")
         publisher.publish(message_class(SIGNAL)())
-        for _ in range(round(timeout / 0.01)):
+        for _ in range(500):
             for message, _ in heard.take():
-                if message.data.startswith(_BUTTON_PREFIX):
-                    return message.data.endswith(STARTS_TEXT) or f"{STARTS_TEXT};" in message.data, message.data[
-                        len(_BUTTON_PREFIX) :
-                    ]
+                said = message.data.removeprefix(_BUTTON_PREFIX)
+                if said != message.data:
+                    return f"{STARTS_TEXT};" in f"{message.data};", said
             transport.sleep(0.01)
     finally:
         heard.close()
         publisher.close()
-    raise TransportError(f"{BUTTON}: no answer within {timeout:g} s")
+    raise TransportError(f"{BUTTON}: no answer within 5 s")

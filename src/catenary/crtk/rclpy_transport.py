@@ -142,13 +142,9 @@ class _ReadTopic(HeardTopic):
             found = [(one.qos_profile.reliability, one.qos_profile.durability) for one in named]
             offered = {one if one[0] == _USUAL[0] else _POOR for one in found} or {_USUAL}
             for quality in () if self._is_ended else offered - self._readers.keys():
+                profile = _profile(UNTAKEN_MESSAGES, quality)
                 self._readers[quality] = self._node.create_subscription(
-                    self._kind,
-                    self._name,
-                    print,
-                    _profile(UNTAKEN_MESSAGES, quality),
-                    callback_group=_Taken(),
-                    raw=True,
+                    self._kind, self._name, print, profile, callback_group=_Taken(), raw=True
                 )
 
     def end(self) -> None:
