@@ -62,16 +62,9 @@ _KINDS = (
     ControllerKind("dg", "PD + sensed gravity (DG)", _GRAVITY, {"level": False}),
     ControllerKind("inertia", "PD through the mass matrix", _INERTIA, {"coriolis": False}, accelerations=True),
     ControllerKind("computed-torque", "with velocity terms too", _INERTIA, {"coriolis": True}, accelerations=True),
-    ControllerKind(
-        "elastic-constant",
-        "PD on motors, gravity at the reference",
-        _ELASTIC,
-        {"compensation": "constant"},
-        springs=True,
-    ),
-    ControllerKind("elastic-online", "PD on motors, gravity there", _ELASTIC, {"compensation": "online"}, springs=True),
-    ControllerKind(
-        "elastic-biased", "PD on motors, gravity at the links", _ELASTIC, {"compensation": "biased"}, springs=True
+    *(
+        ControllerKind(f"elastic-{how}", f"PD on motors, gravity {at}", _ELASTIC, {"compensation": how}, springs=True)
+        for how, at in (("constant", "at the reference"), ("online", "there"), ("biased", "at the links"))
     ),
 )
 _HOLDS = (

@@ -238,14 +238,10 @@ def _farthest(base: BaseParameters, at: Floats, along: Floats) -> float:
     C = base.combination * scale
     C = C / np.linalg.norm(C, axis=1, keepdims=True)
     bounded, limits, cones = consistent_cones(base)
+    A, right = np.vstack([C, mass, bounded]), np.concatenate([C @ at, _MAX_MASS_RATIO * mass @ at, limits])
+    cones = [clarabel.ZeroConeT(len(C)), clarabel.NonnegativeConeT(1), *cones]
     try:
-        found = solve_program(
-            np.zeros((k, k)),
-            -along,
-            np.vstack([C, mass, bounded]),
-            np.concatenate([C @ at, _MAX_MASS_RATIO * mass @ at, limits]),
-            [clarabel.ZeroConeT(len(C)), clarabel.NonnegativeConeT(1), *cones],
-        )
+        found = solve_program(np.zeros((k, k)), -along, A, right, cones)
     except InputError:  # the point lies on the border of what is possible: no bound is known
         return np.inf
     return float(along @ (found - at))

@@ -42,11 +42,8 @@ _REDUCTION = ("mechanicalReduction", "gear_ratio")  # of ROS, of Drake
 _ROTOR = ("motorInertia", "rotor_inertia")
 _TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _KINDS: dict[str, JointKind] = {
-    "revolute": "revolute",
-    "continuous": "revolute",
-    "prismatic": "prismatic",
-    "fixed": "fixed",
-}
+    "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed",
+}  # fmt: skip
 
 
 def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
