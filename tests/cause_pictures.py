@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 
 from catenary.arrays import Floats
 from catenary.identification.explanations.evidence import Evidence
-from catenary.identification.explanations.search import find_explanation
+from catenary.identification.explanations.findings import find_explanation
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import prepare
 from catenary.robots.catalog import load_robot

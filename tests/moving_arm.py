@@ -7,7 +7,6 @@ import numpy as np
 from catenary.arrays import Floats
 from catenary.dynamics.actuation_loads import actuation_columns
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
-from catenary.identification.identify_options import actuation_of
 from catenary.plant import MotionLog
 from catenary.robots.actuation import actuation_terms
 from catenary.robots.model import RobotModel
@@ -30,7 +29,7 @@ def sinusoids(rng: np.random.Generator, model: RobotModel, time: Floats) -> tupl
 
 def torques(model: RobotModel, q: Floats, qd: Floats, qdd: Floats, beside: Floats) -> Floats:
     """Inverse dynamics, and friction, rotors and springs of these sizes."""
-    actuation = actuation_of(model)
+    actuation = model.assumed_actuation
     columns = actuation_columns(actuation_terms(actuation), q, qd, qdd, actuation.coulomb_velocity)
     return inverse_dynamics(model, q, qd, qdd, LEVEL) + columns @ beside
 
@@ -49,7 +48,7 @@ def recorded(
     rng = np.random.default_rng(seed)
     time = np.arange(int(seconds * rate)) / rate
     q, qd, qdd = sinusoids(rng, model, time)
-    count = len(actuation_terms(actuation_of(model)))
+    count = len(actuation_terms(model.assumed_actuation))
     tau = torques(model, q, qd, qdd, np.full(count, 0.3) if beside is None else beside)
     fields: dict[str, Any] = {
         "name": f"run{seed}",

@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from catenary.crtk.message import Message, message_class
-from catenary.crtk.message_bytes import codec
+from catenary.crtk.message import Message, codec, message_class
 from catenary.crtk.message_values import pose_message
 from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.topic_names import COMMAND, CrtkTopic

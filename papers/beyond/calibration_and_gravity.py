@@ -26,9 +26,8 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.model import CalibrationModel
 from catenary.control.correction import StateCorrector
-from catenary.control.gravity_pd import GravityHold
 from catenary.control.loop import Tick, run_loop
-from catenary.control.pd import JointPD
+from catenary.control.pd import GravityHold, JointPD
 from catenary.errors import InputError
 from catenary.plant import Plant
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS

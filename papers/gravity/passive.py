@@ -26,7 +26,7 @@ import numpy as np
 
 from catenary import CablePlant, Reference, gravity_torque, load_robot, mass_matrix
 from catenary.arrays import Floats
-from catenary.control.controllers import make_hold
+from catenary.control.controllers import HOLDS, make_controller
 from catenary.control.loop import GravitySource
 from catenary.spatial import LEVEL
 from catenary.workflows.trials import HOLD_START, SimulatedArm, hold_arm, raven_arm, rigid_arm
@@ -96,7 +96,7 @@ def rocked(*, seed: int | None, hz: float, seconds: float) -> Result:
 
 
 def _drift(arm: SimulatedArm, name: str, seconds: float, sensed: GravitySource | None = None) -> list[float]:
-    held = hold_arm(arm, make_hold(name, arm), HOLD_START, seconds, gravity=sensed)
+    held = hold_arm(arm, make_controller(name, arm, among=HOLDS), HOLD_START, seconds, gravity=sensed)
     drift: list[float] = (held.drift * SHOWN).tolist()
     return drift
 
@@ -131,7 +131,7 @@ def neutral(*, angle_deg: float, seconds: float) -> Result:
 def _left_alone(angle_deg: float, start: Floats, push: Floats, seconds: float) -> tuple[Floats, Floats]:
     """Return positions and velocities (T, 3) of the rigid arm from a start at rest, pushed for PUSHED seconds."""
     arm = rigid_arm(load_robot("raven2"), base=turned_base(angle_deg), start=start)
-    hold_still = make_hold("dg", arm)
+    hold_still = make_controller("dg", arm, among=HOLDS)
     rows = []
     for k in range(round(seconds / TICK) + 1):
         state = arm.plant.measured_js()

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from catenary import CablePlant, gravity_torque, run_loop
 from catenary.arrays import Floats
-from catenary.control.controllers import make_controller, make_hold
+from catenary.control.controllers import HOLDS, make_controller
 from catenary.control.loop import GravitySource, Tick
 from catenary.control.pd import SplitController
 from catenary.spatial import LEVEL
@@ -130,7 +130,7 @@ def _driven(plant: CablePlant, poses_deg: Sequence[float]) -> dict[str, list[Sto
 def _placed(plant: CablePlant, poses_deg: Sequence[float]) -> dict[str, list[Stood]]:
     arm, sensed = raven_arm(plant), gravity_source("dg", plant)
     stood: dict[str, list[Stood]] = {name: [] for name in CONTROLLERS}
-    placing, free = make_controller("dg", arm), make_hold("dg", arm)
+    placing, free = make_controller("dg", arm), make_controller("dg", arm, among=HOLDS)
     for deg in poses_deg:
         limits = arm.limits()
         whole, _ = with_approach(arm, Rest(pose(deg), 0.0), SETTLE)

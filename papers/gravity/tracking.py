@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike
 from catenary import CablePlant
 from catenary.arrays import Floats, as_array
 from catenary.control.controllers import make_controller
-from catenary.control.gravity_pd import EstimatedGravityPD, GravityLearner
 from catenary.control.loop import GravitySource, Tick
-from catenary.control.pd import Damping, SplitController
+from catenary.control.pd import Damping, EstimatedGravityPD, GravityLearner, SplitController
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.gravity.estimator import GravityEstimator, RecursiveGravityEstimator

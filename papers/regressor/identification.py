@@ -20,10 +20,9 @@ import numpy as np
 from catenary import CablePlant, RobotModel, compact_regressor, gravity_torque, identify, load_robot, record_simulated
 from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
-from catenary.control.gravity_pd import EstimatedGravityPD
 from catenary.control.loop import Tick, run_loop
 from catenary.control.loop_report import pd_share
-from catenary.control.pd import JointPD
+from catenary.control.pd import EstimatedGravityPD, JointPD
 from catenary.errors import ExcitationError
 from catenary.gravity.compact_regressor import CompactRegressor
 from catenary.identification.base_parameters import gravity_base_parameters

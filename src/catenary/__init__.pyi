@@ -9,12 +9,12 @@ from catenary.calibration.calibration import refresh as refresh
 from catenary.calibration.corrector import Corrector as Corrector
 from catenary.control.collision_guard import CollisionGuard as CollisionGuard
 from catenary.control.elastic_pd import ElasticPD as ElasticPD
-from catenary.control.gravity_pd import EstimatedGravityPD as EstimatedGravityPD
-from catenary.control.gravity_pd import GravityPD as GravityPD
 from catenary.control.hand_guiding import HandGuiding as HandGuiding
-from catenary.control.inertia_pd import InertiaPD as InertiaPD
 from catenary.control.limits import TorqueLimits as TorqueLimits
 from catenary.control.loop import run_loop as run_loop
+from catenary.control.pd import EstimatedGravityPD as EstimatedGravityPD
+from catenary.control.pd import GravityPD as GravityPD
+from catenary.control.pd import InertiaPD as InertiaPD
 from catenary.control.pd import JointPD as JointPD
 from catenary.control.servos import Servo as Servo
 from catenary.control.servos import servo_command as servo_command

@@ -34,7 +34,12 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
         raise FileFormatError(no_file(path))
     with reading(path, "an .npz archive of plain arrays", UNREADABLE), zipfile.ZipFile(path) as archive:
         most, members = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size), archive.infolist()
-        _check_members(members, most)
+        if len(members) > MAX_ARRAYS:
+            raise ValueError(f"{len(members)} files in it, expected {MAX_ARRAYS} at most")
+        if len({member.filename for member in members}) < len(members):
+            raise ValueError("two files in it have the same name")
+        if (total := sum(member.file_size for member in members)) > most:
+            raise ValueError(f"would unpack to {total} bytes, expected {most} at most")
         arrays: dict[str, NDArray[Any]] = {}
         for member in members:
             key = member.filename.removesuffix(".npy")
@@ -85,17 +90,6 @@ def decompressed(data: bytes, kind: Literal["bz2", "lz4", "zstd"], most: int) ->
     if len(content) > most:
         raise ValueError(f"{len(data)} bytes of {kind} unpack to more than {most} bytes")
     return content
-
-
-def _check_members(members: list[zipfile.ZipInfo], most: int) -> None:
-    if len(members) > MAX_ARRAYS:
-        raise ValueError(f"{len(members)} files in it, expected {MAX_ARRAYS} at most")
-    names = {member.filename for member in members}
-    if len(names) < len(members):
-        raise ValueError("two files in it have the same name")
-    total = sum(member.file_size for member in members)
-    if total > most:
-        raise ValueError(f"would unpack to {total} bytes, expected {most} at most")
 
 
 def _memory_of(array: NDArray[Any], most: int) -> int:

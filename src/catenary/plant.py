@@ -21,10 +21,8 @@ _JOINT_UNITS = ("rad", "m")
 GAP_STEPS, _GAP_SHARE = 10.0, 0.95
 # number of rows that identify a recording, and of consecutive matches needed, as single rows may match by chance
 MARKS, _MIN_MARKS = 256, 8
-POSES, _SAME_POSE_SHARE = (
-    64,
-    0.02,
-)  # number of poses that identify a recording at another rate, and tolerance as a share of the range
+# number of poses that identify a recording at another rate, and tolerance as a share of the range
+POSES, _SAME_POSE_SHARE = 64, 0.02
 FIRST_DATE_S = 1e9  # [s since 1970] a clock below this does not show the date
 _HASH_FACTOR = np.uint64(0x9E3779B97F4A7C15)  # odd and without pattern, so that similar rows have different hashes
 UNUSED_CHANNEL = "unused"  # fourth of eight channels of a RAVEN-II's arm, which drives nothing

@@ -17,10 +17,9 @@ from catenary.calibration.corrector import Corrector
 from catenary.control.controllers import CONTROLLERS, HOLDS
 from catenary.control.elastic_pd import ElasticPD
 from catenary.control.gains import JointGains
-from catenary.control.gravity_pd import EstimatedGravityPD, GravityHold
 from catenary.control.hand_guiding import HandGuiding
 from catenary.control.loop import run_loop
-from catenary.control.pd import JointPD, SplitController
+from catenary.control.pd import EstimatedGravityPD, GravityHold, JointPD, SplitController
 from catenary.errors import InputError
 from catenary.gravity.estimator import GravityEstimator, RecursiveGravityEstimator
 from catenary.plant import AT_REST, JointState

@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 from catenary.config import parse_settings, plain_data
 from catenary.dynamics.actuation_loads import ActuationLoads, actuation_columns
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
+from catenary.identification.base_parameters import Parameters
 from catenary.identification.identification import identify
 from catenary.identification.identify_options import FRICTION_PARTS, IdentifyOptions
-from catenary.identification.parameters import Parameters
 from catenary.identification.samples import path_load
 from catenary.robots.actuation import Actuation, Friction, actuation_terms
 from catenary.robots.catalog import load_robot

@@ -11,8 +11,7 @@ import pytest
 
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.inbox import Received, Subscription
-from catenary.crtk.message import header, message_class
-from catenary.crtk.message_bytes import CDR
+from catenary.crtk.message import CDR, header, message_class
 from catenary.crtk.network import BY_ROS2, CARRIERS, TRANSPORTS
 from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import CatenaryError, InputError, MissingPackageError, NotReadyError, TransportError

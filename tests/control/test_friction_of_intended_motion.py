@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from catenary.control.gravity_pd import GravityHold, GravityPD
 from catenary.control.loop import run_loop
+from catenary.control.pd import GravityHold, GravityPD
 from catenary.robots.catalog import load_robot
 from catenary.simulation.joint_hardware import JointHardware
 from catenary.simulation.mujoco_plant import MujocoPlant

@@ -3,7 +3,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
-from catenary.control.gravity_pd import EstimatedGravityPD, GravityHold, GravityPD
+from catenary.control.pd import EstimatedGravityPD, GravityHold, GravityPD
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor

@@ -5,9 +5,9 @@ import pytest
 
 from catenary.control.collision_guard import CollisionGuard
 from catenary.control.gains import gains_from_mass
-from catenary.control.gravity_pd import GravityPD
 from catenary.control.hand_guiding import HandGuiding
 from catenary.control.loop import run_loop
+from catenary.control.pd import GravityPD
 from catenary.dynamics.external_torque import MomentumObserver
 from catenary.dynamics.inverse_dynamics import forward_dynamics
 from catenary.dynamics.kinematics import forward_kinematics, jacobian

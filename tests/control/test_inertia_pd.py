@@ -2,7 +2,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
-from catenary.control.inertia_pd import InertiaPD
+from catenary.control.pd import InertiaPD
 from catenary.dynamics.inverse_dynamics import coriolis_matrix, mass_matrix
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import AT_REST, JointState

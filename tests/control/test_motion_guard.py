@@ -9,10 +9,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from catenary.arrays import Floats
-from catenary.control.gravity_pd import GravityHold
-from catenary.control.inertia_pd import InertiaPD
 from catenary.control.loop import Tick, run_loop
-from catenary.control.pd import JointPD
+from catenary.control.pd import GravityHold, InertiaPD, JointPD
 from catenary.errors import InputError, LimitError
 from catenary.gravity.payload import Payload
 from catenary.plant import JointState

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from catenary.crtk.message import message_class
-from catenary.crtk.message_bytes import codec
+from catenary.crtk.message import codec, message_class
 from catenary.crtk.message_values import command_message, pose_message, pose_of
 from catenary.crtk.serving.command_source import TOPIC_COMMANDS_A_TICK
 from catenary.crtk.serving.server import _COMMAND_COST_A_TICK, _STOPPING_VERBS

@@ -7,13 +7,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.errors import InputError, NotReadyError, TransportError
 from catenary.plant import JointRanges
 from catenary.raven2.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS, CablePlant
+from catenary.topics import SECOND
 from catenary.workflows.robot.motion import pause
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import CrtkRobot, RobotOnLoopback

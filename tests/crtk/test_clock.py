@@ -1,7 +1,8 @@
 import pytest
 
-from catenary.crtk.clock import SECOND, Clock, Rate
+from catenary.crtk.transport import Clock, Rate
 from catenary.errors import InputError
+from catenary.topics import SECOND
 from oracles.ticking_clock import SetClock
 
 

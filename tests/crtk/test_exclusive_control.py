@@ -7,7 +7,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.clock import SECOND
 from catenary.crtk.exclusive_control import Commander
 from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import header, message_class
@@ -15,6 +14,7 @@ from catenary.crtk.transport import UNNAMED_NODE, Connections
 from catenary.errors import NotReadyError, RobotHeldError, TransportError
 from catenary.raven2.topics import JOINTS
 from catenary.simulation.cable_plant import UNITS
+from catenary.topics import SECOND
 from catenary.workflows.robot.motion import at_rest_afterwards, move_to
 from oracles.crtk_robot import RobotOnLoopback
 from oracles.ideal_plant import IdealPlant

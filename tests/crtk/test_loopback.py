@@ -2,10 +2,10 @@ from typing import Any
 
 import pytest
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class
 from catenary.errors import InputError, TransportError
+from catenary.topics import SECOND
 from oracles.ticking_clock import SetClock
 
 TEXT = "std_msgs/String"

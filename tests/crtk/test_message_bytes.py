@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from catenary.crtk.message import HEADER, has_header, header, message_class
-from catenary.crtk.message_bytes import CDR, ROS1, Encoding, codec
+from catenary.crtk.message import CDR, HEADER, ROS1, Encoding, codec, has_header, header, message_class
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.messages import MESSAGES, NUMBERS, SERVICES, TIMES, Field, fields, ros2_name, typestore
 from oracles.random_messages import assert_same, random_message

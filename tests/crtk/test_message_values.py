@@ -9,11 +9,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from catenary.crtk import message_values
-from catenary.crtk.clock import SECOND
-from catenary.crtk.message import has_header, header, message_class, message_fields, stamp_of
-from catenary.crtk.message_bytes import codec
+from catenary.crtk.message import codec, has_header, header, message_class, message_fields, stamp_of
 from catenary.errors import FileFormatError, InputError
 from catenary.spatial import Pose
+from catenary.topics import SECOND
 from oracles.ticking_clock import SetClock
 
 NAMES = ("shoulder", "elbow", "insertion")

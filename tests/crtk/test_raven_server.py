@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import message_class, stamp_of
 from catenary.crtk.message_values import pose_message, pose_of
 from catenary.crtk.topic_names import BUTTON, BUTTON_TYPE
 from catenary.nodes.serve import Serving, make_server
 from catenary.spatial import Pose, rotation_from_rpy
+from catenary.topics import SECOND
 from oracles.cable_arms import homed_plant
 from oracles.ticking_clock import BEGIN, SetClock
 from served_robot import JointState, ServedRobot, answered, shoulder

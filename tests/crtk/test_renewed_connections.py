@@ -3,11 +3,11 @@
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork, LoopbackPublisher
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import command_message
 from catenary.simulation.cable_plant import CablePlant
+from catenary.topics import SECOND
 from oracles.cable_arms import homed_plant
 from oracles.ticking_clock import BEGIN, SetClock
 from served_robot import JointState, ServedRobot, shoulder

@@ -18,7 +18,7 @@ def peak():  # [B] of this program; what getrusage tells includes the one that s
 """
 LISTENER = f"""{PEAK}
 import json
-from catenary.crtk.clock import Rate
+from catenary.crtk.transport import Rate
 heard = transport.subscribe("/x", "sensor_msgs/JointState", largest=2048)
 print(transport.node.uri)
 sys.stdin.readline()

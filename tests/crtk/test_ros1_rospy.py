@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catenary.crtk.message import message_class
-from catenary.crtk.message_bytes import codec
+from catenary.crtk.message import codec, message_class
 from catenary.crtk.ros1.transport import Ros1Transport
 from catenary.recording.messages import MESSAGES, full_definition, md5_sum
 from oracles.random_messages import random_message

@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.crtk.client import CrtkClient, press_button
-from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import command_message
@@ -16,6 +15,7 @@ from catenary.nodes.serve import ParkedArm, Serving, make_server
 from catenary.plant import OperatingState
 from catenary.raven2.topics import EXT_JPOS, JOINT_ENC
 from catenary.simulation.cable_plant import CablePlant
+from catenary.topics import SECOND
 from oracles.cable_arms import homed_plant
 from oracles.ticking_clock import BEGIN, SetClock
 from served_robot import JointState, ServedRobot, answered, homing_plant, shoulder

@@ -1,6 +1,6 @@
 import pytest
 
-from catenary.crtk.topic_names import find_topic, topic_name, topics
+from catenary.crtk.topic_names import find_topic, topics
 from catenary.errors import InputError
 from catenary.raven2.topics import _GOLD_MEASURED_JS, _GREEN_MEASURED_JS, RAVENSTATE
 
@@ -17,6 +17,6 @@ def test_what_is_recorded_comes_from_these_topics() -> None:
 
 def test_a_verb_that_no_topic_carries_is_refused_with_the_choices() -> None:
     with pytest.raises(InputError, match=r"raven, gold arm: no topic for \"move_jp\"; there are .*servo_jr"):
-        topic_name("raven", "move_jp", "gold")
+        find_topic("raven", "move_jp", "gold")
     with pytest.raises(InputError, match="expected one of raven, crtk"):
         topics("dvrk")

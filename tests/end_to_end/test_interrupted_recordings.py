@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from catenary.crtk.message_bytes import codec
+from catenary.crtk.message import codec
 from catenary.raven2.topics import state_column
 from catenary.recording.bag_reader import JournalReader
 from meeting import Meeting

@@ -5,9 +5,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.arrays import Floats
-from catenary.control.gravity_pd import EstimatedGravityPD
 from catenary.control.loop import run_loop
-from catenary.control.pd import JointPD
+from catenary.control.pd import EstimatedGravityPD, JointPD
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.estimator import GravityEstimator, RecursiveGravityEstimator

@@ -9,8 +9,7 @@ from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.gravity_regressor import standard_gravity_parameters, standard_gravity_regressor, standard_labels
 from catenary.gravity.torque import gravity_torque
-from catenary.identification.base_parameters import base_parameters, gravity_base_parameters
-from catenary.identification.parameters import Parameters
+from catenary.identification.base_parameters import Parameters, base_parameters, gravity_base_parameters
 from catenary.robots.catalog import load_robot
 from moving_arm import LEVEL, sinusoids
 from oracles.random_trees import random_robot

@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose
 from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import InputError
-from catenary.identification.identify_options import actuation_of
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.workflows.identify import of_joints, part_of_arm
@@ -35,8 +34,8 @@ def test_an_arm_with_held_joints_moves_as_the_whole_does(name):
     if not arm.missing_inertia:
         whole = inverse_dynamics(arm, q, qd, 0.5 * qd, LEVEL)[:, kept]
         assert_allclose(inverse_dynamics(part, q[:, kept], qd[:, kept], 0.5 * qd[:, kept], LEVEL), whole, atol=1e-9)
-    known = known_torque(actuation_of(arm), q)[:, kept]
-    assert_allclose(known_torque(actuation_of(part), q[:, kept]), known, atol=1e-9)
+    known = known_torque(arm.assumed_actuation, q)[:, kept]
+    assert_allclose(known_torque(part.assumed_actuation, q[:, kept]), known, atol=1e-9)
 
 
 def test_joints_that_are_unknown_or_move_are_refused_by_name():

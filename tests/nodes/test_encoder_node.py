@@ -4,11 +4,12 @@ from pathlib import Path
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from catenary.crtk.clock import SECOND, Clock
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message_values import joint_values, operating_state_message
+from catenary.crtk.transport import Clock
 from catenary.nodes.sensor_nodes import STATE_TOPIC, EncoderNode
 from catenary.plant import OperatingState
+from catenary.topics import SECOND
 from oracles.encoder_bench import AWAY, EncoderBench
 
 JOINTS = ("shoulder", "elbow", "insertion")

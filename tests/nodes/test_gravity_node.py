@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.gravity_topic import _IMU, _VECTOR, GravityTopic
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
@@ -15,6 +14,7 @@ from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
 from catenary.sensing.vector import Mailbox, tilted_gravity
 from catenary.spatial import rotation_about_z
+from catenary.topics import SECOND
 from oracles.ticking_clock import SetClock
 
 XYZ = message_class("geometry_msgs/Vector3")

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import joint_state_message
 from catenary.nodes.tool_node import WRENCH, ToolNode
 from catenary.spatial import LEVEL
+from catenary.topics import SECOND
 from oracles.sensed_tool import ARM, POSE, RANGE, SensedTool
 from oracles.ticking_clock import SetClock
 

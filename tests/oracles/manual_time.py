@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from catenary.crtk.clock import SECOND
 from catenary.devices.accelerometer import SerialAccelerometer
 from catenary.devices.encoder_board import EncoderBoard
 from catenary.devices.serial_board import SerialBoard
+from catenary.topics import SECOND
 from oracles.simulated_port import SimulatedPort
 from oracles.ticking_clock import TickingClock
 from patience import until

@@ -2,7 +2,8 @@
 
 import threading
 
-from catenary.crtk.clock import SECOND, Clock
+from catenary.crtk.transport import Clock
+from catenary.topics import SECOND
 
 BEGIN = 1_700_000_000 * SECOND  # a time of day
 

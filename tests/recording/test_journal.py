@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from catenary.crtk.message_bytes import codec
+from catenary.crtk.message import codec
 from catenary.crtk.message_values import joint_state_message
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import FileFormatError, InputError, RecordingError

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import FileFormatError, MissingInertiaError
 from catenary.gravity.torque import gravity_torque
-from catenary.robots.catalog import load_file, load_robot, robot_names
+from catenary.robots.catalog import load_open, load_robot, robot_names
 from catenary.robots.model import Tree
 from catenary.robots.urdf_export import urdf_text
 from catenary.spatial import STANDARD_GRAVITY
@@ -143,7 +143,7 @@ def test_what_is_no_robot_is_refused_with_the_catalogue(tmp_path):
     with pytest.raises(FileFormatError, match="neither a file nor in the catalogue"):
         load_robot(tmp_path)
     with pytest.raises(FileFormatError, match=r"none\.urdf: no such file"):
-        load_file(tmp_path / "none.urdf")
+        load_open(tmp_path / "none.urdf")
 
 
 # the dual-arm robot: what the gravity-regressor paper says of it, and that its halves mirror each other

@@ -21,7 +21,7 @@ from catenary.cli.robot_options import (
     one_or_each,
 )
 from catenary.cli.terminal import print_notes, print_result, prints_json
-from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller, make_hold
+from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller
 from catenary.errors import ClosedLoopError, InputError
 from catenary.tables import Column, Table
 from catenary.units import TORQUE_UNIT
@@ -286,7 +286,7 @@ def hold(
     from catenary.workflows.trials import hold_arm as run
 
     arm = conditions.arm(robot, description)
-    law, pose = make_hold(controller, arm), joints.given(arm.model)
+    law, pose = make_controller(controller, arm, among=HOLDS), joints.given(arm.model)
     if pose is None:
         pose = start_pose(arm.model, arm.plant, HOLD_START)
     felt = arm.plant.measured_js().gravity

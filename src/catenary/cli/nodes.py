@@ -224,13 +224,13 @@ def gravity_node(
 
     Example: catenary gravity-node --ros 1 --imu /imu/data_raw --mounting mounting.toml
     """
-    from catenary.crtk.clock import SECOND
     from catenary.crtk.gravity_topic import GravityTopic
     from catenary.crtk.transforms import heard_pose
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.nodes.sensor_nodes import GravityNode, LevelBaseArm, publish
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.sensing.vector import Mailbox
+    from catenary.topics import SECOND
 
     require_one(**values_of(sensor, "imu", "accel", "vector", "port"))
     attached = Mounting() if mounting is None else load_mounting(mounting)

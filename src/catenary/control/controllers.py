@@ -55,61 +55,44 @@ class ControllerKind:
         return make(arm, damping, **self.settings)
 
 
-_GRAVITY, _INERTIA, _ELASTIC = "gravity_pd:gravity_pd", "inertia_pd:inertia_pd", "elastic_pd:elastic_pd"
+_GRAVITY, _INERTIA, _ELASTIC = "pd:gravity_pd", "pd:inertia_pd", "elastic_pd:elastic_pd"
 _KINDS = (
     ControllerKind("pd", "PD alone", "pd:joint_pd", gravity=None),
     ControllerKind("sg", "PD + gravity of a level base (SG)", _GRAVITY, {"level": True}, "level"),
     ControllerKind("dg", "PD + sensed gravity (DG)", _GRAVITY, {"level": False}),
     ControllerKind("inertia", "PD through the mass matrix", _INERTIA, {"coriolis": False}, accelerations=True),
     ControllerKind("computed-torque", "with velocity terms too", _INERTIA, {"coriolis": True}, accelerations=True),
-    ControllerKind(
-        "elastic-constant",
-        "PD on motors, gravity at the reference",
-        _ELASTIC,
-        {"compensation": "constant"},
-        springs=True,
-    ),
-    ControllerKind("elastic-online", "PD on motors, gravity there", _ELASTIC, {"compensation": "online"}, springs=True),
-    ControllerKind(
-        "elastic-biased", "PD on motors, gravity at the links", _ELASTIC, {"compensation": "biased"}, springs=True
+    *(
+        ControllerKind(f"elastic-{how}", f"PD on motors, gravity {at}", _ELASTIC, {"compensation": how}, springs=True)
+        for how, at in (("constant", "at the reference"), ("online", "there"), ("biased", "at the links"))
     ),
 )
 _HOLDS = (
-    ControllerKind("sg", "gravity of a level base alone", "gravity_pd:gravity_hold", {"level": True}, "level"),
-    ControllerKind("dg", "sensed gravity alone", "gravity_pd:gravity_hold", {"level": False}),
+    ControllerKind("sg", "gravity of a level base alone", "pd:gravity_hold", {"level": True}, "level"),
+    ControllerKind("dg", "sensed gravity alone", "pd:gravity_hold", {"level": False}),
 )
 CONTROLLERS = {kind.name: kind for kind in _KINDS}
 HOLDS = {kind.name: kind for kind in _HOLDS}  # gravity compensation alone
 
 
-def make_controller(name: str, arm: "DrivenJoints", *, damping: "Damping" = "relative") -> "SplitController":
-    """Return a controller of `CONTROLLERS` for an arm, with the arm's own gains.
+def make_controller(
+    name: str,
+    arm: "DrivenJoints",
+    *,
+    damping: "Damping" = "relative",
+    among: Mapping[str, ControllerKind] = CONTROLLERS,
+) -> "SplitController":
+    """Return a controller for an arm, with the arm's own gains.
 
     Args:
         name: Kind of controller.
         arm: The arm that it drives.
         damping: What its derivative term acts on; see `ControllerKind.make`.
+        among: `CONTROLLERS`, or `HOLDS`, which have no feedback of position.
 
     Raises:
         InputError: No such kind.
     """
-    return _kind(name, CONTROLLERS).make(arm, damping=damping)
-
-
-def make_hold(name: str, arm: "DrivenJoints") -> "SplitController":
-    """Return a gravity compensation of `HOLDS`, without feedback of position, for an arm.
-
-    Args:
-        name: Kind of hold.
-        arm: The arm that it holds.
-
-    Raises:
-        InputError: No such kind.
-    """
-    return _kind(name, HOLDS).make(arm)
-
-
-def _kind(name: str, kinds: Mapping[str, ControllerKind]) -> ControllerKind:
-    if name not in kinds:
-        raise InputError(f'controller "{name}": expected one of {", ".join(kinds)}')
-    return kinds[name]
+    if name not in among:
+        raise InputError(f'controller "{name}": expected one of {", ".join(among)}')
+    return among[name].make(arm, damping=damping)

@@ -54,9 +54,6 @@ class SlowTorque:
         last = np.where(np.isfinite(tau), tau, 0.0) if self._tau is None else self._tau
         step = self._share * (tau - last)
         known = np.isfinite(step)
-        if known.all():
-            self._tau = last + step
-            return self._tau
         self._tau = last + np.where(known, step, 0.0)
         return np.where(known, self._tau, tau)
 

@@ -14,8 +14,7 @@ from scipy.optimize import minimize
 
 from catenary.arrays import Floats, as_array, as_positive
 from catenary.control.gains import DrivenJoints
-from catenary.control.gravity_pd import GravityPD
-from catenary.control.pd import Damping, gravity_and_rates, nominal_gravity
+from catenary.control.pd import Damping, GravityPD, gravity_and_rates, nominal_gravity
 from catenary.errors import ImplausibleWarning, InputError
 from catenary.gravity.torque import gravity_torque
 from catenary.plant import JointState

@@ -180,7 +180,5 @@ def default_limits(torque: ArrayLike, units: tuple[str, ...], lower: Floats, upp
         units: Unit of each joint, "rad" or "m".
         lower, upper: Joint limits (n,) [rad|m]; infinite for none.
     """
-    most = as_array("torque", torque, (len(units),), finite=False)
-    return TorqueLimits(
-        most, slew=most / _RISE_TIME_S, lower=lower, upper=upper, taper=[_TAPER_WIDTHS[unit] for unit in units]
-    )
+    most, taper = as_array("torque", torque, (len(units),), finite=False), [_TAPER_WIDTHS[unit] for unit in units]
+    return TorqueLimits(most, slew=most / _RISE_TIME_S, lower=lower, upper=upper, taper=taper)

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_not_negative, as_positive
-from catenary.control.gravity_pd import GravityHold
-from catenary.control.pd import JointPD
+from catenary.control.pd import GravityHold, JointPD
 from catenary.dynamics.actuation_loads import ActuationLoads
 from catenary.dynamics.external_torque import IN_95_PERCENT, MomentumObserver
 from catenary.dynamics.kinematics import forward_kinematics, jacobian
@@ -75,10 +74,8 @@ class HandGuiding(GravityHold):
         self.pd, self.frame = JointPD(kp, kd, n=model.n), model.tip if frame is None else frame
         model.frame(self.frame)
         self.max_payload = float(as_positive("max_payload", max_payload))
-        self.max_push, self.damping = (
-            float(as_positive("max_push", max_push)),
-            float(as_not_negative("damping", damping)),
-        )
+        self.max_push = float(as_positive("max_push", max_push))
+        self.damping = float(as_not_negative("damping", damping))
         spread = as_not_negative("deviation", deviation, np.shape(deviation))
         self.observer = MomentumObserver(model, loads=loads, deviation=spread)
         self.state: GuidingState = "weighing"
@@ -105,7 +102,9 @@ class HandGuiding(GravityHold):
             R = forward_kinematics(self.model, state.q, self.frame).rotation
             # what a load asks of the joints (n, 4): per kg at the frame, per kg m along each of its axes
             A = -np.column_stack([J[:3].T @ down, J[3:].T @ np.cross(R.T, down).T])
-            self.observer.added_mass = self._mass_of_load(J, R)
+            # the load's mass matrix (n, n), without which its inertia would count as further load
+            of_center = J[:3] - np.cross(R @ self.load[1:] / max(self.mass, _LIGHT_KG), J[3:], axisb=0, axisc=0)
+            self.observer.added_mass = max(self.mass, 0.0) * of_center.T @ of_center
             if elapsed := self.observer.follow(state, down):
                 self._decide(state, A, J[:3], down, elapsed)
             self.feedforward += A @ self.load
@@ -119,12 +118,6 @@ class HandGuiding(GravityHold):
         self.state, self._held_at = "weighing", None
         self._known = self._now = np.zeros((4, 4)), np.zeros(4)  # what poses tell of the load, as normal equations
         self._since = self._still = self._falling = 0.0  # [s]
-
-    def _mass_of_load(self, J: Floats, R: Floats) -> Floats:
-        """Return the load's mass matrix (n, n); without it the load's inertia would count as further load."""
-        place = R @ self.load[1:] / max(self.mass, _LIGHT_KG)
-        of_center = J[:3] - np.cross(place, J[3:], axisb=0, axisc=0)
-        return max(self.mass, 0.0) * of_center.T @ of_center
 
     def _decide(self, state: JointState, A: Floats, J: Floats, down: Floats, elapsed: float) -> None:
         """Go from one state to the next by what the observer shows."""

@@ -116,44 +116,16 @@ def run_loop(
     """
     if not plant.simulated:
         require_linux("a robot's control loop")
-    waits = _require_ready(plant, controller, rate_hz)
-    n, period = len(plant.joint_names), 1.0 / rate_hz
+    limits = TorqueLimits(np.full(len(plant.joint_names), np.inf)) if limits is None else limits
+    in_time = real_time or not plant.simulated
+    run = _Run(
+        plant, controller, trajectory, limits, rate_hz, corrector, gravity, observers, in_time, give_up_after, max_speed
+    )
     length = trajectory.duration if duration is None else duration
     if not length >= 0.0:
         raise InputError(f"duration: expected zero or more seconds, got {length}")
     # the last tick sends the reference at the end; 1e-9 forgives rounding
     numbers = range(math.ceil(length * rate_hz - 1e-9) + 1) if math.isfinite(length) else count()
-    first = as_array("reference q", trajectory(0.0).q, (n,))
-    state = plant.measured_js()
-    correction = None if corrector is None else Correction(corrector, plant, state, rate_hz)
-    if controller is None:
-        _require_near(plant, first, "the setpoint", plant.setpoint_js().q, np.zeros(n), MAX_STEP)
-    else:
-        added = np.zeros(n) if correction is None else correction.at_start
-        is_corrected = _require_near(plant, first, "the robot", state.q, added, _MAX_SAG)
-        if correction is not None:
-            correction.smooth(np.where(is_corrected, added, 0.0))
-    guard = MotionGuard(plant, first, period, max_speed)
-    if limits is None:
-        limits = TorqueLimits(np.full(n, np.inf))
-    limits.reset(state.tau)
-    run = _Run(
-        plant=plant,
-        controller=controller,
-        trajectory=trajectory,
-        rate_hz=rate_hz,
-        period=period,
-        waits=waits,
-        limits=limits,
-        guard=guard,
-        finite=FiniteTicks(plant.joint_names, state.q, give_up_after),
-        correction=correction,
-        gravity=gravity,
-        observers=observers,
-        clock=RealTime(period) if real_time or not plant.simulated else None,
-        tally=LoopTally(n, sensed=gravity is not None),
-        all_inside=np.ones(n, dtype=bool),
-    )
     moving = in_motion.set(True)
     try:
         if run.clock is not None:
@@ -166,7 +138,7 @@ def run_loop(
     except BaseException as error:  # Ctrl-C too: the robot must stop whatever ends the loop
         ticks = run.tally.ticks
         error.loop_report = run.report(finished=False)  # type: ignore[attr-defined]
-        error.add_note(f"the control loop ended after {ticks} ticks ({ticks * period:.3f} s)")
+        error.add_note(f"the control loop ended after {ticks} ticks ({ticks * run.period:.3f} s)")
         leave_safe(plant, run.finite.held, error)
         raise
     finally:
@@ -175,25 +147,45 @@ def run_loop(
             run.clock.end()
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Run:
     """Settings and state of one run of the loop."""
 
     plant: Plant
     controller: Controller | None
     trajectory: Trajectory
-    rate_hz: float
-    period: float  # [s] between ticks
-    waits: int  # the plant's ticks per tick of the loop
     limits: TorqueLimits
-    guard: MotionGuard
-    finite: FiniteTicks
-    correction: Correction | None
+    rate_hz: float
+    corrector: StateCorrector | None
     gravity: GravitySource | None
     observers: Sequence[Observer]
-    clock: RealTime | None
-    tally: LoopTally
-    all_inside: Flags  # (n,) true, reported without a corrector
+    in_time: bool
+    give_up_after: int
+    max_speed: ArrayLike | None
+
+    def __post_init__(self) -> None:
+        """Check that the robot is ready and where the trajectory begins, and prepare; nothing is sent."""
+        plant, n = self.plant, len(self.plant.joint_names)
+        self.waits = _require_ready(plant, self.controller, self.rate_hz)  # the plant's ticks per tick of the loop
+        self.period = 1.0 / self.rate_hz  # [s] between ticks
+        first = as_array("reference q", self.trajectory(0.0).q, (n,))
+        state = plant.measured_js()
+        self.correction = None
+        if self.corrector is not None:
+            self.correction = Correction(self.corrector, plant, state, self.rate_hz)
+        if self.controller is None:
+            _require_near(plant, first, "the setpoint", plant.setpoint_js().q, np.zeros(n), MAX_STEP)
+        else:
+            added = np.zeros(n) if self.correction is None else self.correction.at_start
+            is_corrected = _require_near(plant, first, "the robot", state.q, added, _MAX_SAG)
+            if self.correction is not None:
+                self.correction.smooth(np.where(is_corrected, added, 0.0))
+        self.guard = MotionGuard(plant, first, self.period, self.max_speed)
+        self.limits.reset(state.tau)
+        self.finite = FiniteTicks(plant.joint_names, state.q, self.give_up_after)
+        self.clock = RealTime(self.period) if self.in_time else None
+        self.tally = LoopTally(n, sensed=self.gravity is not None)
+        self.all_inside = np.ones(n, dtype=bool)  # reported without a corrector
 
     def tick(self, number: int) -> None:
         """Measure, correct, sense gravity, control, limit, send, observe, wait."""
@@ -250,6 +242,7 @@ class _Run:
     def report(self, *, finished: bool) -> LoopReport:
         """Return the report of the ticks so far."""
         tally, clock, corrected = self.tally, self.clock, self.correction is not None
+        reported, calibrated = tally.tracking()
         return LoopReport(
             joint_names=self.plant.joint_names,
             joint_units=self.plant.joint_units,
@@ -262,8 +255,8 @@ class _Run:
             longest_gap=None if clock is None else clock.longest_gap,
             has_priority=clock is not None and clock.has_priority,
             outside_valid_range=tuple((tally.outside / max(1, tally.ticks)).tolist()) if corrected else None,
-            tracking_nominal=tally.nominal.value(),
-            tracking_calibrated=tally.calibrated.value() if corrected else None,
+            tracking_nominal=reported,
+            tracking_calibrated=calibrated if corrected else None,
             limited_ticks=self.limits.limited,
             not_finite_ticks=self.limits.not_finite,
             gravity=None if tally.gravity is None else tally.gravity.report(),

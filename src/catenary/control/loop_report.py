@@ -15,6 +15,7 @@ import numpy as np
 
 from catenary.arrays import Flags, Floats
 from catenary.control.realtime import Durations, Timing
+from catenary.plant import Jointed
 from catenary.sensing.checks import Fault
 from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.tables import OnScreen, Screen, Table
@@ -93,25 +94,6 @@ class LoopReport(OnScreen):
         return "\n".join(lines)
 
 
-class RunningRms:
-    """RMS of a difference, per joint, over the times at which it was a number."""
-
-    def __init__(self, joints: int) -> None:
-        self._squares, self._counts = np.zeros(joints), np.zeros(joints)
-
-    def add(self, a: Floats, b: Floats) -> None:
-        """Count a - b, each (n,)."""
-        difference = a - b
-        known = np.isfinite(difference)
-        np.add(self._squares, difference * difference, out=self._squares, where=known)
-        self._counts += known
-
-    def value(self) -> tuple[float, ...]:
-        """Return the RMS (n,); NaN if it never was a number."""
-        with np.errstate(invalid="ignore"):
-            return tuple(np.sqrt(self._squares / self._counts).tolist())
-
-
 class GravityTally:
     """Counts what a source of gravity says over the ticks of a run."""
 
@@ -144,16 +126,25 @@ class LoopTally:
 
     def __init__(self, n: int, *, sensed: bool) -> None:
         self.ticks, self.compute = 0, Durations()
-        self.nominal, self.calibrated = RunningRms(n), RunningRms(n)  # of the reference less each
+        # of the reference less reported and calibrated positions, where that is a number
+        self._squares, self._counts = np.zeros((2, n)), np.zeros((2, n))
         self.outside = np.zeros(n)  # ticks of each joint beyond the corrector's valid range
         self.gravity = GravityTally() if sensed else None
 
     def add(self, wanted: Floats, q_nominal: Floats, q: Floats, inside: Flags) -> None:
         """Count a tick: reference, reported and calibrated positions [rad|m], and whether each is inside, (n,)."""
-        self.nominal.add(wanted, q_nominal)
-        self.calibrated.add(wanted, q)
+        error = wanted - np.array([q_nominal, q])
+        known = np.isfinite(error)
+        np.add(self._squares, error * error, out=self._squares, where=known)
+        self._counts += known
         self.outside += ~inside
         self.ticks += 1
+
+    def tracking(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return RMS errors (n,) of reported and calibrated positions [rad|m]; NaN if there never was a number."""
+        with np.errstate(invalid="ignore"):
+            reported, calibrated = np.sqrt(self._squares / self._counts).tolist()
+        return tuple(reported), tuple(calibrated)
 
 
 @dataclass(frozen=True)
@@ -195,20 +186,16 @@ class Tracking:
 
     def as_data(self) -> dict[str, Any]:
         """Plain data: errors in deg and mm, torques in Nm and N, shares in percent."""
-        measures = [self.rms_error, self.rms_feedback, self.rms_torque, 100.0 * self.pd_share]
-        joints = [
-            {
-                "name": name, "unit": DISPLAY[unit][0], "rms_error": error * DISPLAY[unit][1],
-                "torque_unit": TORQUE_UNIT[unit], "rms_pd": pd, "rms_torque": torque, "pd_share_percent": share,
-            }
-            for name, unit, (error, pd, torque, share) in zip(
-                self.joint_names, self.joint_units, np.transpose(measures).tolist(), strict=True
-            )
-        ]  # fmt: skip
+        torques = {
+            "rms_pd": self.rms_feedback,
+            "rms_torque": self.rms_torque,
+            "pd_share_percent": 100.0 * self.pd_share,
+        }
+        units = {"torque_unit": [TORQUE_UNIT[unit] for unit in self.joint_units]}
         return {
             "simulated": True,
             "seconds": float(self.counted.sum()) / self.loop.rate_hz,
-            "joints": joints,
+            "joints": _per_joint(self, {"rms_error": self.rms_error * _scale(self)} | units | torques),
             "limited_ticks": self.loop.limited_ticks,
             "not_finite_ticks": self.loop.not_finite_ticks,
             **_known(self.gravity),
@@ -223,6 +210,17 @@ class Tracking:
 def pd_share(rms_feedback: Floats, rms_torque: Floats) -> Floats:
     """RMS of the PD term over RMS of the torque; NaN if there is no torque."""
     return np.divide(rms_feedback, rms_torque, out=np.full_like(rms_torque, np.nan), where=rms_torque > 0.0)
+
+
+def _scale(joints: Jointed) -> Floats:
+    return np.array([DISPLAY[unit][1] for unit in joints.joint_units])
+
+
+def _per_joint(joints: Jointed, columns: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return each joint's name, its unit as shown, and its entries of columns (n,), as plain data."""
+    shown = [DISPLAY[unit][0] for unit in joints.joint_units]
+    rows = zip(joints.joint_names, shown, *(np.asarray(column).tolist() for column in columns.values()), strict=True)
+    return [dict(zip(("name", "unit", *columns), row, strict=True)) for row in rows]
 
 
 def _known(gravity: GravityReport | None) -> dict[str, Any]:
@@ -248,19 +246,7 @@ class Holding:
 
     def as_data(self) -> dict[str, Any]:
         """Plain data in deg and mm."""
-        scale = np.array([DISPLAY[unit][1] for unit in self.joint_units])
-        reported = np.abs(self.q - self.q[0]).max(axis=0)
-        off = np.abs(self.q - self.q_true).max(axis=0)
-        columns = self.drift * scale, reported * scale, off * scale, (self.q_true[-1] - self.q_true[0]) * scale
-        return {
-            "simulated": True,
-            "seconds": float(self.time[-1]),
-            "joints": [
-                {"name": name, "unit": DISPLAY[unit][0]}
-                | dict(zip(("drift", "reported_drift", "reported_off", "moved"), values, strict=True))
-                for name, unit, values in zip(
-                    self.joint_names, self.joint_units, np.transpose(columns).tolist(), strict=True
-                )
-            ],
-            **_known(self.gravity),
-        }
+        reported, off = (np.abs(self.q - place).max(axis=0) for place in (self.q[0], self.q_true))
+        moved = {"reported_drift": reported, "reported_off": off, "moved": self.q_true[-1] - self.q_true[0]}
+        joints = _per_joint(self, {key: x * _scale(self) for key, x in ({"drift": self.drift} | moved).items()})
+        return {"simulated": True, "seconds": float(self.time[-1]), "joints": joints, **_known(self.gravity)}

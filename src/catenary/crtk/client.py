@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.crtk.clock import SECOND
 from catenary.crtk.exclusive_control import LISTEN_S, STOPPING_COMMANDS, OtherCommanders, require_one_robot
 from catenary.crtk.message import message_class
 from catenary.crtk.message_values import Stamps, command_message, joint_state_message
@@ -31,6 +30,7 @@ from catenary.crtk.topic_names import BUTTON, NAMESPACES, SIGNAL, TEXT, WARNING
 from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import NotReadyError, TransportError, UnsupportedCommandError
 from catenary.plant import STATE_COMMANDS, OperatingState, StateCommand, require_ready
+from catenary.topics import SECOND
 
 _REACHED_WITHIN = 1e-6  # [rad|m] distance of the setpoint to a reached goal: RAVEN-II computes in 32-bit floats
 _COMMAND_TIMEOUT_S = 2.0  # [s] until a transition must be confirmed
@@ -194,11 +194,11 @@ STARTS_TEXT = ": starts"  # in the robot's message on an arm that the button sta
 _BUTTON_PREFIX = "button: "  # start of that message on a topic
 
 
-def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]:
+def press_button(transport: Transport) -> tuple[bool, str]:
     """Press a RAVEN-II's silver button; return whether an arm starts, and the robot's message.
 
-    Args:
-        transport, timeout: Connection, and time to wait for the robot's answer [s].
+    Raises:
+        TransportError: No subscriber of the button, or no answer.
     """
     publisher = transport.publisher(BUTTON, SIGNAL)
     heard = transport.subscribe(f"{NAMESPACES['gold']}/{WARNING}", TEXT)
@@ -211,14 +211,13 @@ def press_button(transport: Transport, timeout: float = 5.0) -> tuple[bool, str]
         else:
             raise TransportError(f"{BUTTON}: nobody listens to it")
         publisher.publish(message_class(SIGNAL)())
-        for _ in range(round(timeout / 0.01)):
+        for _ in range(500):
             for message, _ in heard.take():
-                if message.data.startswith(_BUTTON_PREFIX):
-                    return message.data.endswith(STARTS_TEXT) or f"{STARTS_TEXT};" in message.data, message.data[
-                        len(_BUTTON_PREFIX) :
-                    ]
+                said = message.data.removeprefix(_BUTTON_PREFIX)
+                if said != message.data:
+                    return f"{STARTS_TEXT};" in f"{message.data};", said
             transport.sleep(0.01)
     finally:
         heard.close()
         publisher.close()
-    raise TransportError(f"{BUTTON}: no answer within {timeout:g} s")
+    raise TransportError(f"{BUTTON}: no answer within 5 s")

@@ -5,13 +5,13 @@ An arm is one robot's: where two publish its joints, each would obey what is mea
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.dialects import DialectKind
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.topic_names import JOINT_STATE, WARNING
 from catenary.crtk.transport import UNNAMED_NODE, Latest, Transport
 from catenary.errors import RobotHeldError, TransportError
 from catenary.raven2.topics import Arm
+from catenary.topics import SECOND
 
 STOPPING_COMMANDS = ("disable", "pause")  # state commands that are sent and obeyed at any time
 _UNDER_WAY_NS = SECOND // 2  # [ns] from a program's last command until it is no longer taken to be moving the arm

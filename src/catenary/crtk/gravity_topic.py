@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, message_class
 from catenary.crtk.topic_names import COMMAND
 from catenary.crtk.transport import Latest, Transport
 from catenary.errors import InputError
 from catenary.sensing.vector import Kind, Mailbox
 from catenary.spatial import LEVEL
+from catenary.topics import SECOND
 
 _PLAUSIBLE_GRAVITY = 1.0, 30.0  # [m/s2] of gravity that a node has judged already, on bases that accelerate
 

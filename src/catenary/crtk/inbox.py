@@ -3,16 +3,12 @@
 import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, wait
 from typing import Any, NamedTuple
 
-from catenary.crtk.message import Message, has_header
-from catenary.crtk.message_bytes import MESSAGE_BYTES
+from catenary.crtk.message import MESSAGE_BYTES, Message, has_header
 from catenary.errors import FileFormatError, InputError
 
-UNTAKEN_MESSAGES = (
-    4000  # messages that ROS 2 keeps of a topic until the receiver takes them; what it drops, nobody counts
-)
+UNTAKEN_MESSAGES = 4000  # that ROS 2 keeps of a topic until the receiver takes them; what it drops, nobody counts
 
 
 class Received(NamedTuple):
@@ -197,22 +193,3 @@ class Subscription:
         except FileFormatError:
             self.damaged += 1
             return None
-
-
-class Request(Future[bytes]):
-    """A call of a service that waits for its answer."""
-
-    def __init__(self, answer: Callable[[], bytes]) -> None:
-        super().__init__()
-        self._answer = answer
-
-    def run(self) -> None:
-        """Compute the answer, in the thread that serves."""
-        try:
-            self.set_result(self._answer())
-        except Exception as error:  # the caller gets it, the server lives on
-            self.set_exception(error)
-
-    def wait(self, timeout: float) -> bool:
-        """Wait for the answer up to `timeout` [s]; return whether it came."""
-        return bool(wait([self], timeout).done)

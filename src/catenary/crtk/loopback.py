@@ -7,10 +7,9 @@ import threading
 from itertools import count
 from typing import cast
 
-from catenary.crtk.clock import Clock
 from catenary.crtk.inbox import Origin
 from catenary.crtk.message import Message
-from catenary.crtk.transport import Answer, HeardTopic, Publisher, Transport
+from catenary.crtk.transport import Answer, Clock, HeardTopic, Publisher, Transport
 from catenary.errors import TransportError
 
 _PROCESSES = count()  # tells transports of the same name apart

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array
-from catenary.crtk.clock import SECOND, Clock
 from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.transport import Clock
 from catenary.errors import InputError
 from catenary.plant import JointState, OperatingState, StateName
 from catenary.spatial import Pose, quaternion_of_rows, rotation_from_quaternion
+from catenary.topics import SECOND
 
 _Point, _Quaternion, _Vector3, _Pose, _Transform, _PoseStamped, _TransformStamped = (
     message_class(f"geometry_msgs/{name}")

@@ -22,14 +22,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin
-from catenary.crtk.message import HEADER, Message
-from catenary.crtk.message_bytes import CDR, codec
+from catenary.crtk.message import CDR, HEADER, Message, codec
 from catenary.crtk.network import BEGIN, RosArguments
 from catenary.crtk.transport import SETTLE_S, UNNAMED_NODE, Answer, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
 from catenary.recording.messages import current_name, fields
+from catenary.topics import SECOND
 
 _AGAIN = 1000  # messages among which one that came to two readers is known again
 _IDLE = 0.0005  # [s] between two looks for messages where none came
@@ -140,13 +139,9 @@ class _ReadTopic(HeardTopic):
             found = [(one.qos_profile.reliability, one.qos_profile.durability) for one in named]
             offered = {one if one[0] == _USUAL[0] else _POOR for one in found} or {_USUAL}
             for quality in () if self._is_ended else offered - self._readers.keys():
+                profile = _profile(UNTAKEN_MESSAGES, quality)
                 self._readers[quality] = self._node.create_subscription(
-                    self._kind,
-                    self._name,
-                    print,
-                    _profile(UNTAKEN_MESSAGES, quality),
-                    callback_group=_Taken(),
-                    raw=True,
+                    self._kind, self._name, print, profile, callback_group=_Taken(), raw=True
                 )
 
     def end(self) -> None:

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.crtk.clock import SECOND
 from catenary.crtk.dialects import dialect_named
 from catenary.crtk.gravity_topic import PublishedGravity
 from catenary.crtk.message import Message
@@ -39,6 +38,7 @@ from catenary.raven2.topics import (
 from catenary.raven2.transmission import nominal_joint_torques
 from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
+from catenary.topics import SECOND
 
 
 class RavenTelemetry:

@@ -254,12 +254,3 @@ def find_topic(dialect: str, verb: str, arm: Arm | None = None, namespace: str |
             f"there are {', '.join(verbs) or 'none'}"
         )
     return found
-
-
-def topic_name(dialect: str, verb: str, arm: Arm | None = None) -> str:
-    """Return the name of the topic of a verb; see `find_topic`.
-
-    Args:
-        arm: Side of a RAVEN-II; the robot when None.
-    """
-    return find_topic(dialect, verb, arm).name

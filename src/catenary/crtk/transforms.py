@@ -5,14 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from catenary.crtk.clock import SECOND
-from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import CDR, ROS1, codec
+from catenary.crtk.message import CDR, ROS1, Message, codec
 from catenary.crtk.message_values import pose_of
 from catenary.crtk.transport import Transport
 from catenary.errors import InputError
 from catenary.recording.bag_reader import open_recording
 from catenary.spatial import Pose, identity_pose
+from catenary.topics import SECOND
 
 _TOPICS, _TYPE = ("/tf_static", "/tf"), "tf2_msgs/TFMessage"
 _WAIT_S = 3.0  # [s] for transforms that are published now and then

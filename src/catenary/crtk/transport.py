@@ -14,23 +14,79 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future, wait
 from typing import Any, NamedTuple, Self
 
-from catenary.crtk.clock import SECOND, Clock, Rate
-from catenary.crtk.inbox import Inbox, Origin, Request, Subscription
-from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import MESSAGE_BYTES, ROS1, codec
+from catenary.crtk.inbox import Inbox, Origin, Subscription
+from catenary.crtk.message import MESSAGE_BYTES, ROS1, Message, codec
 from catenary.errors import InputError, TransportError
+from catenary.operating_system import elapsed_ns
 from catenary.recording.messages import current_name, service_md5_sum
+from catenary.topics import SECOND
 
 Handler = Callable[[Message], Message]
 Answer = Callable[[bytes], bytes]  # to a request
 _NAME = re.compile(r"/?[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 _QUEUE_MESSAGES = 100  # messages that wait for a slow peer: 0.1 s of a robot's topic
 _WAITING_MESSAGES = 1000  # messages that wait for the program: 1 s
+_READING_NS = SECOND // 1000  # [ns] that two readings of clocks are apart at most
 UNNAMED_NODE = "participant_"  # before the number of a program of DDS whose node is not known, or not yet
 SETTLE_S = 0.5  # [s] without news of other programs, until those of ROS 2 that are there count as known
 _LONGEST_SETTLE_S = 3.0  # [s] to wait for that
+
+
+class Clock:
+    """The machine's own time, which is what transports keep to unless they are given another."""
+
+    def __init__(self) -> None:
+        self._ahead = 0
+        self._ahead = self.set_by()
+
+    def now(self) -> int:
+        """Return the time of day [ns since 1970], which may be set back and forth."""
+        return time.time_ns()
+
+    def steady(self) -> int:
+        """Return the time of day [ns since 1970], ignoring changes to the clock since this object was created."""
+        return self._ahead + self.elapsed()
+
+    def set_by(self) -> int:
+        """Return the offset by which the time of day was set since construction [ns], negative if back."""
+        while True:
+            before, now, after = self.elapsed(), self.now(), self.elapsed()
+            if after - before < _READING_NS:  # else this program stood still in between
+                return now - self._ahead - (before + after) // 2
+
+    def elapsed(self) -> int:
+        """Return the time [ns] since an arbitrary moment, which only grows, also while the computer is suspended."""
+        return elapsed_ns()
+
+    def sleep(self, seconds: float) -> None:
+        """Sleep for some seconds; return at once if not positive."""
+        if seconds > 0.0:
+            time.sleep(seconds)
+
+
+class Rate:
+    """Paces a loop on a grid; `late` counts ticks a period late or more: missed ones are not made up for."""
+
+    def __init__(self, clock: Clock, hertz: float) -> None:
+        if not 0.0 < hertz < float("inf"):
+            raise InputError(f"rate: expected a positive number of Hz, got {hertz}")
+        self._clock = clock
+        self._period = SECOND / hertz
+        self._begin, self._ticks = clock.elapsed(), 0
+        self.late = 0
+
+    def sleep(self) -> None:
+        """Sleep until the next tick."""
+        self._ticks += 1
+        left = self._begin + self._ticks * self._period - self._clock.elapsed()
+        if left > 0.0:
+            self._clock.sleep(left / SECOND)
+        elif left <= -self._period:
+            self.late += 1
+            self._begin, self._ticks = self._clock.elapsed(), 0
 
 
 class Sending(NamedTuple):
@@ -243,12 +299,19 @@ class Transport(ABC):
 
     def _polled(self, answer: Answer, data: bytes) -> bytes:
         """Return a service's answer, which `poll` finds in its own thread."""
-        request = Request(lambda: answer(data))
-        self.inbox.put(request.run)
-        while not request.wait(0.1):
+        found: Future[bytes] = Future()
+
+        def run() -> None:
+            try:
+                found.set_result(answer(data))
+            except Exception as error:  # the caller gets it, the server lives on
+                found.set_exception(error)
+
+        self.inbox.put(run)
+        while not wait([found], 0.1).done:
             if self.inbox.closed:
                 raise TransportError("the server was closed")
-        return request.result()
+        return found.result()
 
     def close(self) -> None:
         """End all publishers, subscriptions and services."""

@@ -25,10 +25,8 @@ _SMOOTHING_S = 0.01  # [s] to either side, over which readings are averaged; spe
 # of a joint's RMS speed, of its motor's: slower rows tell nothing of friction
 _MOVING_SHARE, _FOLLOWING_SHARE = 0.25, 0.5
 _OWN_VARIANCE_SHARE = 0.1  # of the variance of a joint's direction that pose and speed must leave
-_STANDING_JUMPS, _BACKLASH_JUMPS = (
-    3.0,
-    4.0,
-)  # of what an encoder jumps by; of that, the least lost motion that is reported
+# of what an encoder jumps by; of that, the least lost motion that is reported
+_STANDING_JUMPS, _BACKLASH_JUMPS = 3.0, 4.0
 _EVEN_RATIO = 2.0  # at most, between the 16th and 84th percentile of lost motion, where a joint moves alone
 # difference of a wind-up's halves that is none; factor from which neither is a stiffness
 _SAME_DIFFERENCE, _APART_FACTOR = 0.3, 3.0

@@ -10,8 +10,13 @@ On a level base an upright first axis feels no gravity, and no torque tells the 
 them all the same: bodies have |m c|^2 <= m I, and the inertia about the axis is known. So the least and the most are
 found among physically consistent parameters that give the same torques, with links at most _MAX_MASS_RATIO times as
 heavy.
+
+The masses of a robot's file are wrong by unknown shares before a recording is looked at, c of all parts of a link
+alike, s each by itself: P = c^2 phi phi^T + s^2 D, where D has the square of .3 of a link's size in each of its ten
+parameters. s is .1, .3 or 1. An arm without masses has links of about 1 kg and .1 m.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import clarabel
@@ -19,17 +24,20 @@ import numpy as np
 from scipy import sparse
 
 from catenary.arrays import Floats
-from catenary.dynamics.torque_regressor import PER_LINK
+from catenary.dynamics.torque_regressor import PER_LINK, link_parameters
 from catenary.errors import InputError
-from catenary.identification.base_parameters import BaseParameters, random_configurations, random_gravity
-from catenary.identification.file_masses import rows_of_file
-from catenary.identification.parameters import FIRST_MOMENTS
+from catenary.identification.base_parameters import FIRST_MOMENTS, BaseParameters, random_configurations, random_gravity
 from catenary.robots.link_inertia import symmetric
 from catenary.robots.model import Unseen
 
 _LENGTH_M = 0.1  # [m] brings kg, kg m and kg m2 of arms to one size
 _MIN_EIGENVALUE_KG = 1e-6  # [kg] least eigenvalue of J in these units: above zero, so that a link has a centre of mass
 _SMALL_MASS_PENALTY = 1e-10  # of the squared torque per kg: what torques do not show is as little mass as may be
+SPREADS = ((0.1, 0.1, 0.3), (0.3, 0.15, 0.5), (1.0, 0.3, 0.2))  # s, c, and how likely that is
+_EXACT = (0.01, 0.2, 0.3)  # of a file whose masses are all wrong by one factor, if at all
+MASS_SHARE = 0.3  # of a link's mass, that a spread of one is
+_FREE_MASS, _FREE_LENGTH_M = 1.0, 0.1
+_LEAST_SHARE, _LEAST_LENGTH_M = 0.04, 0.06  # of the arm's mass, and from the joint: what every link is given
 _COM_REACH_M = 0.5  # [m] from a link's frame to its centre of mass, at most, where no inertia tells
 
 
@@ -126,6 +134,38 @@ def _triangle(J: Floats) -> Floats:
     return np.array([J[r, c] * (1.0 if r == c else np.sqrt(2.0)) for c in range(4) for r in range(c + 1)])
 
 
+def mass_covariance(phi: Floats, spread: float, common: float, *, knows: bool = True) -> Floats:
+    """Return the covariance (10 k, 10 k) of parameters (k, 10) by their relative errors s and c."""
+    P = np.zeros((phi.size, phi.size))
+    total = max(float(phi[:, 0].sum()), 1e-9)
+    for i, p in enumerate(phi):
+        mass, length = _FREE_MASS, _FREE_LENGTH_M
+        if knows:
+            mass = max(float(p[0]), _LEAST_SHARE * total)
+            length = max(float(np.linalg.norm(p[1:4])) / max(float(p[0]), 1e-9), _LEAST_LENGTH_M)
+        sizes = mass * np.array([MASS_SHARE, *[0.5 * length + 0.01] * 3, *[length**2 + 0.003] * 6])
+        own = slice(PER_LINK * i, PER_LINK * (i + 1))
+        P[own, own] = common**2 * np.outer(p, p) + np.diag((spread * sizes) ** 2)
+    return P
+
+
+def _rows_of_file(base: BaseParameters) -> Iterator[tuple[Floats, float]]:
+    """Yield [D | d] (r, k + 1) of each spread, D phi - d of deviations of one, and its log weight."""
+    parameters, model = base.parameters, base.parameters.model
+    unknown = {*model.missing_inertia, *(model.missing_tensor if parameters.terms == "full" else ())}
+    places = [p for p, link in enumerate(parameters.links) if model.link_names[link] not in unknown]
+    phi = link_parameters(model.tree).reshape(-1, PER_LINK)[[parameters.links[p] for p in places]]
+    if not phi.any():
+        return
+    kept = [PER_LINK * i + p for i in range(len(phi)) for p in range(parameters.per_link)]
+    columns = np.concatenate([np.r_[parameters.link_columns(p)] for p in places])
+    for spread, common, share in (_EXACT, *SPREADS):
+        rows = np.zeros((len(kept), len(parameters.names) + 1))
+        L = np.linalg.cholesky(mass_covariance(phi, spread, common)[np.ix_(kept, kept)])
+        rows[:, [*columns, -1]] = np.linalg.solve(L, np.column_stack([np.eye(len(kept)), phi.ravel()[kept]]))
+        yield rows, float(np.log(share) - np.log(np.diag(L)).sum())
+
+
 def likeliest_prior(base: BaseParameters, R: Floats, variance: float) -> Floats | None:
     """Return rows of the masses of the robot's file for `consistent_fit`, by the error with which R is likeliest.
 
@@ -135,7 +175,7 @@ def likeliest_prior(base: BaseParameters, R: Floats, variance: float) -> Floats 
     scale = np.append(parameter_scale(base), np.linalg.norm(R[:, -1]))
     fit = np.column_stack([R[:, :-1] @ base.combination, R[:, -1]]) / np.sqrt(variance)
     best, most = None, -np.inf
-    for rows, log_weight in rows_of_file(base.parameters):
+    for rows, log_weight in _rows_of_file(base):
         sizes = np.abs(np.diag(np.linalg.qr(np.vstack([fit, rows]) * scale, mode="r"))) + 1e-300
         value = log_weight - 0.5 * float(sizes[-1] / scale[-1]) ** 2 - float(np.log(sizes[:-1]).sum())
         if value > most:
@@ -198,14 +238,10 @@ def _farthest(base: BaseParameters, at: Floats, along: Floats) -> float:
     C = base.combination * scale
     C = C / np.linalg.norm(C, axis=1, keepdims=True)
     bounded, limits, cones = consistent_cones(base)
+    A, right = np.vstack([C, mass, bounded]), np.concatenate([C @ at, _MAX_MASS_RATIO * mass @ at, limits])
+    cones = [clarabel.ZeroConeT(len(C)), clarabel.NonnegativeConeT(1), *cones]
     try:
-        found = solve_program(
-            np.zeros((k, k)),
-            -along,
-            np.vstack([C, mass, bounded]),
-            np.concatenate([C @ at, _MAX_MASS_RATIO * mass @ at, limits]),
-            [clarabel.ZeroConeT(len(C)), clarabel.NonnegativeConeT(1), *cones],
-        )
+        found = solve_program(np.zeros((k, k)), -along, A, right, cones)
     except InputError:  # the point lies on the border of what is possible: no bound is known
         return np.inf
     return float(along @ (found - at))

@@ -65,9 +65,8 @@ def drive_gains(base: BaseParameters, free: Sequence[Samples], loaded: Sequence[
     link, pose = model.frame()
     parts = [(part, with_load) for with_load, group in ((False, free), (True, loaded)) for part in group]
     folds = [_triangles(base, parts, link, block) for block in range(_BLOCK_COUNT)]
-    mass = base.count + sum(
-        name.split()[0] in _LOADED_KINDS for name in base.names
-    )  # its column, behind those of friction
+    # its column, behind those of friction
+    mass = base.count + sum(name.split()[0] in _LOADED_KINDS for name in base.names)
     gains, unknown = _solved(folds, mass, load)
     left_out = np.log([_solved([*folds[:f], *folds[f + 1 :]], mass, load, gains)[0] for f in range(_BLOCK_COUNT)])
     errors = np.sqrt((_BLOCK_COUNT - 1) / _BLOCK_COUNT * np.sum((left_out - left_out.mean(axis=0)) ** 2, axis=0))

@@ -9,10 +9,9 @@ from catenary.arrays import Floats, as_array
 from catenary.collision.scene import Clearance, CollisionScene
 from catenary.dynamics.inverse_dynamics import inverse_dynamics
 from catenary.errors import ExcitationError, InputError, LimitError
-from catenary.identification.base_parameters import BaseParameters, base_parameters
-from catenary.identification.identify_options import Terms, actuation_of
+from catenary.identification.base_parameters import BaseParameters, Parameters, base_parameters
+from catenary.identification.identify_options import Terms
 from catenary.identification.least_squares import condition_of_triangle
-from catenary.identification.parameters import Parameters
 from catenary.robots.model import RobotModel
 
 _GRID_INSTANTS = 40  # instants for each harmonic at which extremes are looked for
@@ -276,7 +275,7 @@ def shown_parameters(
 
     Friction that needs a recording's course or torques is left out: in steady sliding it is Coulomb friction, or none.
     """
-    own = actuation_of(model)
+    own = model.assumed_actuation
     steady = [f.only(lambda term: not term.needs_course) for f in own.friction if not f.recording]
     model = replace(model, actuation=replace(own, friction=tuple(steady), values=None))
     low, high = room.inner()
@@ -323,10 +322,6 @@ class _Draw:
     coefficients: Floats
     share: Floats
     place: Floats  # 0 to 1 of the room that the amplitude leaves, from its lower end
-
-    @staticmethod
-    def anywhere(n: int, harmonics: int, rng: np.random.Generator) -> "_Draw":
-        return _Draw(rng.normal(size=(2, harmonics, n)), rng.uniform(0.6, 1.0, n), np.full(n, 0.5))
 
     def moved(self, step: float, rng: np.random.Generator) -> "_Draw":
         n = len(self.share)
@@ -396,7 +391,7 @@ def fourier_motion(
             f"fourier: expected a period and a rate of {2 * _CONDITION_ROWS} rows at least, three or more harmonics "
             f"and one or more trials; got {period:g} s, {rate:g} Hz, {harmonics} harmonics, {trials} trials"
         )
-    base = shown_parameters(limits.model, "full", limits.room, limits.gravity, rng)
+    n, base = limits.model.n, shown_parameters(limits.model, "full", limits.room, limits.gravity, rng)
     centres = free_poses(limits, rng, _CENTRE_POSES) if limits.is_narrow else None
     times = np.arange(_CONDITION_ROWS) * period / _CONDITION_ROWS
     best: list[tuple[float, _Draw]] = []  # that seemed to keep all limits, each better than the one before it
@@ -409,7 +404,7 @@ def fourier_motion(
         if best and trial >= trials // 3:
             draw = best[-1][1].moved(0.5 * (1.0 - trial / trials) + 0.05, rng)
         else:
-            draw = _Draw.anywhere(limits.model.n, harmonics, rng)
+            draw = _Draw(rng.normal(size=(2, harmonics, n)), rng.uniform(0.6, 1.0, n), np.full(n, 0.5))
             if centres is not None:  # what shows less at its full size is not worth shrinking
                 worth = not best or condition(draw) <= best[-1][0]
                 draw = draw.shrunk(centres[rng.integers(len(centres))], period, limits) if worth else None

@@ -16,8 +16,7 @@ import numpy as np
 
 from catenary.arrays import Floats, spread
 from catenary.config import IN_FILES
-from catenary.identification.base_parameters import BaseParameters
-from catenary.identification.parameters import OF_RECORDING, recorded_load
+from catenary.identification.base_parameters import OF_RECORDING, BaseParameters, recorded_load
 from catenary.identification.samples import FOLDS, Samples, fold_of_rows
 from catenary.robots.actuation import Actuation, ActuationTerm, Friction, actuation_terms
 from catenary.robots.friction_terms import FRICTION_TERMS

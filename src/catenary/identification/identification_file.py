@@ -14,15 +14,15 @@ from catenary.cards import card_of, write_with_card
 from catenary.config import IN_FILES, parse_settings, plain_data
 from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
-from catenary.identification.base_parameters import BaseParameters
+from catenary.identification.base_parameters import BaseParameters, Parameters
 from catenary.identification.identification import Identification
-from catenary.identification.parameters import Parameters
 from catenary.robots.model_record import FORMAT, IDENTIFIED, REMEDY, robot_from_record, robot_record, structure_of
 
 Card = dict[str, Any]
 
 
-_ARRAYS = ("base", "beta", "covariance", "weights", "phi", "unshown")
+_NUMBERS = ("beta", "covariance", "weights")
+_ARRAYS = ("base", *_NUMBERS, "phi", "unshown")
 _TYPES = get_type_hints(Identification)
 _OWN_FIELDS = tuple(field.name for field in fields(Identification) if field.name not in _ARRAYS)
 # all of an identification but its arrays; `robot_from_record` knows the schema of the robot
@@ -80,11 +80,8 @@ def save_identification(result: Identification, card: Card, path: Path) -> None:
     """
     arrays: dict[str, Any] = {
         "structure": np.array(json.dumps(_record(result, robot_record(result.model)))),
-        "columns": result.base.columns,
-        "combination": result.base.combination,
-        "beta": result.beta,
-        "covariance": result.covariance,
-        "weights": result.weights,
+        **{key: getattr(result.base, key) for key in ("columns", "combination")},
+        **{key: getattr(result, key) for key in _NUMBERS},
     }
     if result.phi is not None:
         arrays["phi"] = result.phi
@@ -110,16 +107,13 @@ def load_identification(path: Path) -> tuple[Identification, Card]:
         for key, shape in shapes.items():
             if arrays[key].shape != shape or not np.isfinite(arrays[key]).all():
                 raise ValueError(f"{key} has shape {arrays[key].shape}, expected {shape} of finite numbers")
+        stated: dict[str, Any] = {key: arrays[key] for key in _NUMBERS}
+        stated |= {name: getattr(record, name) for name in _OWN_FIELDS}
         columns = arrays["columns"].astype(np.int64)
         if b == 0 or columns.min() < 0 or columns.max() >= k:
             raise ValueError(f"columns outside 0 to {k - 1}")
         result = Identification(
-            base=BaseParameters(parameters, columns, arrays["combination"]),
-            beta=arrays["beta"],
-            covariance=arrays["covariance"],
-            weights=arrays["weights"],
-            phi=arrays.get("phi"),
-            **{name: getattr(record, name) for name in _OWN_FIELDS},
+            base=BaseParameters(parameters, columns, arrays["combination"]), phi=arrays.get("phi"), **stated
         )
         if record.seen is not None and any(values.shape != (n,) for values in vars(record.seen).values()):
             raise ValueError(f"seen: expected {n} numbers each")

@@ -9,8 +9,8 @@ from pydantic import Field
 from catenary.arrays import Floats
 from catenary.config import IN_FILES
 from catenary.errors import InputError
-from catenary.robots.actuation import Actuation, MotorInertia, SignalFilter, Weighting, default_actuation
-from catenary.robots.base_joints import BASE_JOINTS
+from catenary.robots.actuation import MotorInertia, SignalFilter, Weighting
+from catenary.robots.cut import BASE_JOINTS
 from catenary.robots.friction_terms import FRICTION_PARTS
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
@@ -55,11 +55,6 @@ class IdentifyOptions:
                 raise InputError(f"{name}: expected a number above zero, got {value}")
 
 
-def actuation_of(model: RobotModel) -> Actuation:
-    """Return the robot's actuation; friction on every coordinate where its file says nothing."""
-    return default_actuation(model.joint_names) if model.actuation is None else model.actuation
-
-
 def known_rotors(model: RobotModel, options: IdentifyOptions) -> Floats:
     """Return rotors (n,) [kg m2 or kg] that the options state, zero where they state none."""
     if options.rotors is None or options.terms == "static":
@@ -73,9 +68,9 @@ def known_rotors(model: RobotModel, options: IdentifyOptions) -> Floats:
 
 def rotors_beside(model: RobotModel) -> tuple[MotorInertia, ...]:
     """Return a rotor for every joint without one; none if the robot's table does not ask for them."""
-    if not actuation_of(model).find_rotors:
+    if not model.assumed_actuation.find_rotors:
         return ()
-    own, rows = actuation_of(model).motor_inertia, np.eye(model.n)
+    own, rows = model.assumed_actuation.motor_inertia, np.eye(model.n)
     return tuple(
         MotorInertia(name, row)
         for i, (name, row) in enumerate(zip(model.joint_names, rows, strict=True))
@@ -89,5 +84,5 @@ def filter_of(model: RobotModel, options: IdentifyOptions) -> SignalFilter:
     Args:
         model, options: The robot, and options of the identification.
     """
-    used = actuation_of(model).filter
+    used = model.assumed_actuation.filter
     return used if options.cutoff_hz is None else replace(used, cutoff_hz=options.cutoff_hz)

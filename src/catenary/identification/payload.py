@@ -21,7 +21,6 @@ from catenary.identification.explanations.beliefs import belief_of, belief_of_kn
 from catenary.identification.explanations.evidence import Evidence
 from catenary.identification.explanations.loads import Load, differences, weigh_loads
 from catenary.identification.identification import Identification
-from catenary.identification.identify_options import actuation_of
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 
@@ -103,12 +102,8 @@ def payload_candidates(
         raise InputError("payload: expected at least one recording")
     model, belief, others = result.model, belief_of(result), tuple(differences(result.model.joint_names))
     of_loaded, of_unloaded = ([Evidence(model, part, belief) for part in parts] for parts in (loaded, unloaded))
-    loads = weigh_loads(
-        of_loaded,
-        [(link, None) for link in belief.links] if at is None else [place_of(result, at)],
-        others,
-        unloaded=of_unloaded,
-    )
+    places = [(link, None) for link in belief.links] if at is None else [place_of(result, at)]
+    loads = weigh_loads(of_loaded, places, others, unloaded=of_unloaded)
     found = [_estimate(model, load, loads.sure, at is None) for load in loads.each]
     best, links = loads.each[0], [estimate.link for estimate in found]
     names, detected, rival = likely(links, loads.shares), found[0].detected, int(np.argmax(best.without))
@@ -175,7 +170,7 @@ def locate_load(
             raise InputError(f'frames: "{name}" is on no link that moves and has mass: a body there has no effect')
     down = gravity_rows(gravity, len(rows))
     down = down[0] if len(down) == 1 else down
-    known = known_torque(actuation_of(model), rows)
+    known = known_torque(model.assumed_actuation, rows)
     still, places = np.zeros_like(rows), np.arange(float(len(rows)))
     samples = Samples("", rows, still, still, torques - known, known, places, 1.0, down)
     evidence = Evidence(model, samples, belief, len(rows), spread)
@@ -206,16 +201,12 @@ def place_of(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Fl
 def _estimate(model: RobotModel, of: Load, sure: float, anywhere: bool) -> PayloadEstimate:
     mean, deviation = of.mean, np.sqrt(np.maximum(np.diag(of.covariance), 0.0))
     is_known = not anywhere or deviation[0] < _TOLD_DEVIATION * mean[0]
+    mass, mass_std = (float(mean[0]), float(deviation[0])) if is_known else (None, None)
     moment, moment_std = mean[1:4], deviation[1:4]
     if anywhere:
         hidden = moment_std > _HIDDEN_SHARE * np.linalg.norm(of.prior, axis=1)[1:4]
         moment, moment_std = np.where(hidden, np.nan, moment), np.where(hidden, np.nan, moment_std)
-    return PayloadEstimate(
-        model.link_names[of.link],
-        float(mean[0]) if is_known else None,
-        float(deviation[0]) if is_known else None,
-        moment,
-        moment_std,
-        bool(sure >= _SURE and mean[0] > 0.0),
-        sure if mean[0] > 0.0 else 0.0,
-    )
+    is_there = mean[0] > 0.0
+    detected, confidence = bool(is_there and sure >= _SURE), sure if is_there else 0.0
+    link = model.link_names[of.link]
+    return PayloadEstimate(link, mass, mass_std, moment, moment_std, detected, confidence)

@@ -61,12 +61,16 @@ def residual_verdict(
     with np.errstate(invalid="ignore"):
         axes = np.flatnonzero(found.relative_rms > np.maximum(_HOLDS_RATIO * training, _SMALL_RESIDUAL)).tolist()
     unseen = [] if seen is None else _unseen(model, samples, seen)
-    reasons = [*unseen, *(_reason(model, i, samples, found, left[:, i], seen) for i in axes)]
-    telling = [i for i, (_, tells) in zip(axes, reasons[len(unseen) :], strict=True) if tells]
-    verdict: Verdict = "unclear" if reasons else "holds"
+    moved = {i: "" if seen is None else _motion_reason(model, i, samples, left[:, i], seen) for i in axes}
+    telling = [i for i in axes if not moved[i]]  # where it moved enough, and where it was fitted
+    said = [
+        why or f"{found.relative_rms[i]:.2g} of the torque of {model.joint_names[i]} is left"
+        for i, why in moved.items()
+    ]
+    verdict: Verdict = "unclear" if unseen or said else "holds"
     if telling and not unseen:
         verdict = "fails" if any(found.relative_rms[i] > _FAILS_SHARE for i in telling) else "drifted"
-    return replace(found, verdict=verdict, reasons=tuple(says for says, _ in reasons))
+    return replace(found, verdict=verdict, reasons=(*unseen, *said))
 
 
 def rms(values: Floats) -> Floats:
@@ -92,26 +96,17 @@ class MovedRange:
     speed: Annotated[Floats, Listed()]
 
 
-def _reason(
-    model: RobotModel, axis: int, samples: Samples, found: LogResidual, left: Floats, seen: MovedRange | None
-) -> tuple[str, bool]:
-    """Return why an axis of a recording is not as predicted, and whether it moved enough, and there, to tell."""
-    name, unit = model.joint_names[axis], model.joint_units[axis]
-    if seen is not None and (moved := _motion_reason(name, unit, axis, samples, left, seen)) is not None:
-        return moved, False
-    return f"{found.relative_rms[axis]:.2g} of the torque of {name} is left", True
-
-
-def _unseen(model: RobotModel, samples: Samples, seen: MovedRange) -> list[tuple[str, bool]]:
+def _unseen(model: RobotModel, samples: Samples, seen: MovedRange) -> list[str]:
     """Return the joints of a recording that move, and were still where the arm was identified, as reasons."""
     travel, was = np.ptp(samples.q, axis=0), seen.high - seen.low
     least = np.array([_STILL_TRAVEL[unit] for unit in model.joint_units])
     moves = np.flatnonzero((travel > least) & (was < _LITTLE_MOTION_SHARE * np.minimum(travel, least / _STILL_SHARE)))
-    return [(f"joint {model.joint_names[i]} was still in training, and moves here: unseen", False) for i in moves]
+    return [f"joint {model.joint_names[i]} was still in training, and moves here: unseen" for i in moves]
 
 
-def _motion_reason(name: str, unit: str, axis: int, samples: Samples, left: Floats, seen: MovedRange) -> str | None:
-    q = samples.q[:, axis]
+def _motion_reason(model: RobotModel, axis: int, samples: Samples, left: Floats, seen: MovedRange) -> str:
+    """Return why an axis's motion tells nothing: too little, or elsewhere than fitted; empty if it tells."""
+    q, name, unit = samples.q[:, axis], model.joint_names[axis], model.joint_units[axis]
     travel = float(seen.high[axis] - seen.low[axis])
     speed = float(np.sqrt(np.mean(samples.qd[:, axis] ** 2)))
     if seen.speed[axis] > 0.0 and (
@@ -129,4 +124,4 @@ def _motion_reason(name: str, unit: str, axis: int, samples: Samples, left: Floa
             f"joint {name} moves from {q.min():.3g} to {q.max():.3g} {unit}, and was identified from "
             f"{seen.low[axis]:.3g} to {seen.high[axis]:.3g}"
         )
-    return None
+    return ""

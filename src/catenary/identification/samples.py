@@ -5,7 +5,7 @@ acceleration less the acceleration of the base's origin: the negated reading of 
 elsewhere (`IdentifyOptions.base_sensor`) is converted with the base's rotation. `base_rate:x` ... [rad/s] is the base's
 angular velocity, `base_acceleration:x` ... [rad/s2] its derivative, computed from the rate if missing. `base_force:x`
 ... [N] and `base_moment:x` ... [Nm], about the base's origin, are the wrench on the base as a sensor under it measures:
-six more axes of the robot (`robots/base_joints.py`).
+six more axes of the robot (`robots/cut.py`).
 
 Friction depends on more than one row. The filter of torques rounds the steps of Coulomb friction, so its column passes
 the same filter. Presliding friction depends on the path since the last reversals. Both are computed over the whole
@@ -26,11 +26,11 @@ from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
-from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of, known_rotors
+from catenary.identification.identify_options import IdentifyOptions, filter_of, known_rotors
 from catenary.kernels.compiled import compiled
 from catenary.plant import Joints, MotionLog
 from catenary.robots.actuation import SignalFilter
-from catenary.robots.base_joints import BASE_JOINTS, on_base_joints
+from catenary.robots.cut import BASE_JOINTS, on_base_joints
 from catenary.robots.friction_terms import FrictionTerm
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
@@ -73,14 +73,6 @@ _MOVING_RMS = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a veloci
 _RATE_SLOPES = (0.6, 1.6)  # slopes of a velocity on that derivative; filtered velocities of real arms reach 0.8
 # correlation, spread and distance from 1 of slopes that wrong stamps cause; 0.012 on real recordings
 _CLOSE_CORRELATION, _ALIKE_SPREAD, _OTHER_DISTANCE = 0.99, 0.02, 0.03
-
-
-def checked_log(log: MotionLog, model: RobotModel) -> MotionLog:
-    """Return a recording with its joints in the robot's order; refuse one without torques."""
-    log = of_model(log, model)
-    if log.tau is None:
-        raise InputError(f'recording "{log.name}": has no torques (`tau`), which dynamics are identified from')
-    return log
 
 
 def of_model(log: MotionLog, model: RobotModel) -> MotionLog:
@@ -277,11 +269,12 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
     Raises:
         InputError: No torques or no time, positions beyond the limits, or parts too short for the filter.
     """
-    log = checked_log(log, model)
+    log = of_model(log, model)
+    if log.tau is None:
+        raise InputError(f'recording "{log.name}": has no torques (`tau`), which dynamics are identified from')
     if within_limits:
         check_positions(log, model)
-    assert log.tau is not None  # for the type checker
-    actuation, stated = actuation_of(model), as_array("gravity", options.gravity, (3,))
+    actuation, stated = model.assumed_actuation, as_array("gravity", options.gravity, (3,))
     if options.terms == "static":
         zero = np.zeros(log.q_nominal.shape)
         known = known_torque(actuation, log.q_nominal)
@@ -316,24 +309,10 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
     rate = 1.0 / float(np.median(np.diff(time)))
     sections = _filter(settings, 2.0 * used[0][2] * settings.cutoff_hz)
     history = FrictionHistory(tuple((part["q"], part["qd"], c) for part, c in pieces), sections, np.arange(len(q)))
+    motion = q, rows["qd"], qdd, rows["tau"] - known, known, time
+    of_base, has_rates = (rows.get("gravity", stated), rows.get("base")), log.qd is not None
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
-    gravity, base = rows.get("gravity", stated), rows.get("base")
-    tau = rows["tau"] - known
-    return Samples(
-        log.name,
-        q,
-        rows["qd"],
-        qdd,
-        tau,
-        known,
-        time,
-        independent,
-        gravity,
-        base,
-        history,
-        notes=notes,
-        has_rates=log.qd is not None,
-    )
+    return Samples(log.name, *motion, independent, *of_base, history, notes=notes, has_rates=has_rates)
 
 
 def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Floats]:

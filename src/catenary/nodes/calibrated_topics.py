@@ -26,7 +26,6 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.control.correction import SlowTorque
 from catenary.control.realtime import Durations, Timing
-from catenary.crtk.clock import SECOND
 from catenary.crtk.inbox import Received
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import pose_message
@@ -42,6 +41,7 @@ from catenary.plant import JointState
 from catenary.raven2.topics import JOINTS, ROBOT
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
+from catenary.topics import SECOND
 
 _BOOL = "std_msgs/Bool"
 _NONE = np.empty(0)

@@ -7,10 +7,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from catenary.control.loop_report import GravityTally
-from catenary.crtk.clock import SECOND
 from catenary.crtk.message import header, message_class
 from catenary.crtk.message_values import Stamps, joint_state_message, operating_state
-from catenary.crtk.topic_names import JOINT_STATE, topic_name
+from catenary.crtk.topic_names import JOINT_STATE, find_topic
 from catenary.crtk.transport import Latest, Publisher, Transport
 from catenary.devices.encoder_board import EncoderBoard, EncoderReading
 from catenary.dynamics.robot_kernels import gravity_kernel, holding_kernel
@@ -22,6 +21,7 @@ from catenary.sensing.checks import Fault
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.vector import GravityReading, ReadingStatus, tilt_angle
 from catenary.spatial import LEVEL
+from catenary.topics import SECOND
 
 TOPIC = "/gravity"
 _STATUS_EVERY_S = 1.0  # [s]; and whenever it changes
@@ -190,7 +190,7 @@ class GravityNode:
         return GravityStatus(seconds, reading, *counts, self.frame_id, self.source.remedy, self.complaint)
 
 
-STATE_TOPIC = topic_name("raven", "operating_state", "gold")
+STATE_TOPIC = find_topic("raven", "operating_state", "gold").name
 RATE = 200.0  # [Hz] of looks at the board, which sends on its own
 
 

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.crtk.clock import SECOND
 from catenary.crtk.gravity_topic import PublishedGravity
 from catenary.crtk.inbox import Subscription
 from catenary.crtk.message import Message, header, message_class
@@ -18,6 +17,7 @@ from catenary.robots.model import RobotModel
 from catenary.sensing.tool_compensation import JointMotion, RestPoses, ToolCompensation, ToolReading
 from catenary.sensing.wrist_tool import WristTool
 from catenary.spatial import LEVEL
+from catenary.topics import SECOND
 from catenary.verdict.finding import judge
 
 _TOPIC, WRENCH = "/tool/wrench", "geometry_msgs/WrenchStamped"

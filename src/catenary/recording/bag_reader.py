@@ -268,20 +268,15 @@ class JournalReader(FilesInARow):
 
     def left_off(self) -> LeftOff | None:
         """Return from where it goes on, behind its last message; it lasted as long as its messages tell."""
-        numbers: dict[str, int] = {}
-        last: int | None = None
-        for part in self.parts:
-            part.follow(numbers, last)
-            for _ in part.messages():
-                pass
-            last = part.last or last
-        if last is None:
+        for _ in self.messages():
+            pass
+        if self.last is None:
             return None
         newest = self.last_run()
-        first = next((part.first for part in newest if part.first is not None), last)
+        first = next((part.first for part in newest if part.first is not None), self.last)
         before = newest[0].begins or 0.0
         files = sorted(filter(is_journal_name, self.path.glob("*.mcap")))
-        return LeftOff(before + (last - first) * 1e-9, int(files[-1].stem) + 1, numbers, last)
+        return LeftOff(before + (self.last - first) * 1e-9, int(files[-1].stem) + 1, self._following, self.last)
 
     def last_run(self) -> Sequence[BagStream]:
         """Return the files since it went on the last time, all where it never was cut off."""
@@ -296,13 +291,12 @@ class JournalReader(FilesInARow):
     def _each(self) -> Iterator[BagStream]:
         """Yield the files; behind the last one it is known what is missing."""
         self.damage, self.remarks, self.lost, self.holes = list(self._unread), [], 0, []
-        self.ends_early = True
-        following: dict[str, int] = {}  # number of the next message, by topic
-        last: int | None = None  # [ns] arrival of the message before
+        self.ends_early, self.last = True, None
+        self._following: dict[str, int] = {}  # number of the next message, by topic
         for part in self.parts:
-            part.follow(following, last)
+            part.follow(self._following, self.last)
             yield part
-            self.ends_early, last, self.until = not part.is_last, part.last, part.until
+            self.ends_early, self.last, self.until = not part.is_last, part.last, part.until
             self.lost += part.lost
             self.holes += part.holes
             self.damage += part.damage
@@ -412,10 +406,7 @@ def open_recording(path: Path) -> Source:
 
 def open_recordings(paths: Sequence[Path]) -> tuple[Source, ...]:
     """Open several files of one recording, such as one bag per topic; a folder of bags stands for all of them."""
-    found = [bag for path in paths for bag in bags_in(path)]
-    if not found:
-        raise FileFormatError("recording: expected at least one file, got none")
-    return tuple(sorted(map(open_recording, found), key=_start))
+    return tuple(sorted((open_recording(bag) for path in paths for bag in bags_in(path)), key=_start))
 
 
 def rescue_of(sources: Sequence[Source]) -> Rescue:

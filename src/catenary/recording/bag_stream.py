@@ -155,14 +155,11 @@ class BagStream(Source):
                 begin = file.read(len(_ROS1_MAGIC))
         except OSError as problem:
             raise FileFormatError(f"{path}: cannot be read: {problem.strerror}") from problem
-        self.is_journal = self.is_last = False  # messages are numbered; it is the last file of its recording
-        self.lost = 0  # numbered messages that are missing
+        self.is_journal = False  # messages are numbered
         self.remarks: list[str] = []  # of the recorder
-        self._following: dict[str, int] = {}  # number of the next message, by topic
-        self._shared: dict[str, int] | None = None  # the same of all files of a journal
+        self._shared: dict[str, int] | None = None  # number of the next message by topic, of all files of a journal
         self._before: int | None = None  # [ns] arrival of the last message of the file before
         self.is_ros1 = begin == _ROS1_MAGIC
-        self._is_closed = False  # MCAP's own mark is its end
         as_text = "" if self.is_ros1 or begin.startswith(MAGIC) else copied_as_text(path)
         if as_text or not (self.is_ros1 or begin.startswith(MAGIC) or is_journal_name(path)):
             none = f"{path}: cannot be read: begins neither as a ROS 1 bag nor as MCAP{as_text}"
@@ -202,13 +199,14 @@ class BagStream(Source):
         self.holes.clear()
         self.remarks.clear()
         self._following = {} if self._shared is None else self._shared
-        self.ends_early, self.last, self.lost, self.is_last = False, self._before, 0, False
+        self.ends_early, self.last = False, self._before
+        self.lost, self.is_last = 0, False  # numbered messages are missing; it is the last file of its recording
         self.until, self._latest, self._held, self._seen = None, dict[int, int](), 0, set[int]()
         with self.path.open("rb") as file:
             size = file.seek(0, 2)
             self._unpacking = Unpacking(self.path)
             file.seek(max(0, size - len(MAGIC)))
-            self._is_closed = file.read() == MAGIC
+            self._is_closed = file.read() == MAGIC  # MCAP's own mark is its end
             file.seek(len(_ROS1_MAGIC) if self.is_ros1 else len(MAGIC))
             try:
                 yield from read(file, size)
@@ -289,7 +287,6 @@ class BagStream(Source):
                 # a damaged length may reach beyond the chunks behind it
                 following = next_chunk(file, start + 1, size, is_ros1=True)
                 end = size if following is None else following
-                self.ends_early |= following is None and data is None
                 if values.get(b"compression") == b"none":
                     file.seek(start)
                     sized(file, size)
@@ -298,11 +295,10 @@ class BagStream(Source):
                     self._lose(end - start, self._held)
                 if following is None and data is None:
                     self._cut_off(size - start)
-                    return
+                else:
+                    self._damaged(f"from byte {start} {'on' if following is None else f'to {following}'}")
                 if following is None:
-                    self._damaged(f"from byte {start} on")
                     return
-                self._damaged(f"from byte {start} to {following}")
                 file.seek(following)
                 continue
             kind = values[b"op"][0]

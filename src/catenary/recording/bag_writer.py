@@ -85,24 +85,20 @@ def copy_messages(source: Source, to: Mapping[str, tuple[Any, Any]], kind: BagKi
         place: Path of the bag, for messages.
     """
     types = {topic.name: current_name(topic.type) for topic in source.topics}
+    store = typestore(2)  # its converters know that ROS 2's header lacks seq
 
-    def write(topic: str, name: str, stamp: int, data: bytes, given: Encoding) -> None:
+    def write(topic: str, name: str, stamp: int, data: bytes | memoryview, given: Encoding) -> None:
+        if given != ("ros1" if kind == "ros1" else "cdr"):
+            theirs = ros2_name(name)
+            try:
+                data = (store.cdr_to_ros1 if kind == "ros1" else store.ros1_to_cdr)(data, theirs)
+            except Exception as error:  # what rosbags raises over bytes that are no such message is of any kind
+                raise FileFormatError(f"{place}: topic {topic}: {len(data)} bytes are no {name}: {error!r}") from error
         bag, connection = to[topic]
-        bag.write(connection, stamp, _as(kind, place, topic, name, data, given))
+        bag.write(connection, stamp, data)
 
     for number, (topic, stamp, data) in enumerate(source.messages()):
         if number == 0 and source.about is not None and ABOUT_TOPIC in to:
             text = blank_messages(ABOUT_TYPE, 1, {"data": source.about.as_json()}, {}).tobytes()
             write(ABOUT_TOPIC, ABOUT_TYPE, stamp, text, "ros1")
         write(topic, types[topic], stamp, data, source.encoding)
-
-
-def _as(kind: BagKind, folder: Path, topic: str, name: str, data: bytes, given: Encoding) -> bytes | memoryview:
-    """Return a message of a type as a kind of bag has it."""
-    if given == ("ros1" if kind == "ros1" else "cdr"):
-        return data
-    store, theirs = typestore(2), ros2_name(name)  # its converters know that ROS 2's header lacks seq
-    try:
-        return (store.cdr_to_ros1 if kind == "ros1" else store.ros1_to_cdr)(data, theirs)
-    except Exception as error:  # what rosbags raises over bytes that are no such message is of any kind
-        raise FileFormatError(f"{folder}: topic {topic}: {len(data)} bytes are no {name}: {error!r}") from error

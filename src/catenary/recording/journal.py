@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from struct import Struct
 from types import TracebackType
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 from zlib import crc32
 
 from catenary.config import parse_json
@@ -243,7 +243,7 @@ class JournalWriter:
         self._stop.set()
         self._thread.join()
         with self._disk_lock:
-            self._write_waiting(end="last")
+            self._write_waiting(is_last=True)
             self._closed = True
         self._raise_error()
 
@@ -290,29 +290,20 @@ class JournalWriter:
             if self._error is not None:
                 return
 
-    def _write_waiting(self, *, end: Literal["last", "if full"] = "if full") -> None:
-        """Bring what waits onto the disk, and go on in another file if this is full. Needs the disk."""
+    def _write_waiting(self, *, is_last: bool = False) -> None:
+        """Bring what waits onto the disk; end a file that is last, or full, and go on in another. Needs the disk."""
         with self._append_lock:
             chunks, self._waiting, self._pending = self._waiting, [], 0
             notes, self._notes = self._notes, b""
         self._write_chunks(notes, chunks)
-        full = end == "if full" and self._size >= self._max_bytes
-        if full or end == "last":
-            self._end_file(is_last=not full)
-        if full:
-            self._next_file()
-
-    def _end_file(self, *, is_last: bool) -> None:
-        if self._error is None:
+        if self._error is None and (is_last or self._size >= self._max_bytes):
             self._write(self._ending(is_last=is_last))
-        if self._error is None:
-            os.close(self._fd)
-            self._fd = -1
-
-    def _next_file(self) -> None:
-        if self._error is None:
-            self._part += 1
-            self._open_file()
+            if self._error is None:
+                os.close(self._fd)
+                self._fd = -1
+                if not is_last:
+                    self._part += 1
+                    self._open_file()
 
     def _write_chunks(self, notes: bytes, chunks: Sequence[_Chunk]) -> None:
         if self._error is not None:

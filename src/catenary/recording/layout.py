@@ -45,9 +45,7 @@ class _Walk:
     fields_of: FieldsOf = fields
     parts: int = 0
     depth: int = 0
-    names: list[str] = field(default_factory=list)
-    formats: list[Any] = field(default_factory=list)
-    offsets: list[int] = field(default_factory=list)
+    places: list[tuple[str, Any, int]] = field(default_factory=list)  # name, format and offset of each
 
     def message(self, name: str, prefix: str = "") -> None:
         self.parts += 1
@@ -86,7 +84,7 @@ class _Walk:
 
     def _length(self, path: str) -> int:
         self._place(COUNT + path, "<u4", 4)
-        size = self.size_of(path, self.offsets[-1])
+        size = self.size_of(path, self.places[-1][2])
         if not 0 <= size <= _MAX_ELEMENTS:
             raise FileFormatError(f'message: "{path}" claims {size} elements, expected {_MAX_ELEMENTS} at most')
         return size
@@ -94,14 +92,12 @@ class _Walk:
     def _place(self, path: str, kind: Any, alignment: int) -> None:
         if self.encoding == "cdr":
             self.offset += -(self.offset - _CDR_HEADER_BYTES) % alignment
-        self.names.append(path)
-        self.formats.append(kind)
-        self.offsets.append(self.offset)
+        self.places.append((path, kind, self.offset))
         self.offset += np.dtype(kind).itemsize
 
     def dtype(self) -> np.dtype[np.void]:
-        layout = {"names": self.names, "formats": self.formats, "offsets": self.offsets, "itemsize": self.offset}
-        return np.dtype(layout)  # type: ignore[call-overload]
+        parts = {key: [place[k] for place in self.places] for k, key in enumerate(("names", "formats", "offsets"))}
+        return np.dtype({**parts, "itemsize": self.offset})  # type: ignore[call-overload]
 
 
 def layout_of(name: str, data: bytes, encoding: Encoding, fields_of: FieldsOf = fields) -> np.dtype[np.void]:
@@ -190,7 +186,7 @@ def _blank(name: str, texts: tuple[tuple[str, str], ...], counts: tuple[tuple[st
     walk = _Walk("ros1", lambda path, _: sizes.get(path, 0))
     walk.message(name)
     record = np.zeros(1, dtype=walk.dtype())
-    for path in walk.names:
+    for path, *_ in walk.places:
         if path.startswith(COUNT):
             record[path] = sizes.get(path[1:], 0)
     for path, text in texts:

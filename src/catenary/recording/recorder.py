@@ -72,14 +72,13 @@ class Recorder:
         self.left_out = tuple(f"{name}: telemetry lacks {', '.join(columns)}" for name, columns in lacks.items())
         if not self.topics:
             raise InputError(f"recording: telemetry has no topic's columns: {'; '.join(self.left_out)}")
-        zero = {t.name: [c.name for c in t.columns if c.name not in have] for t in self.topics}
-        zero = {name: columns for name, columns in zero.items() if columns}
-        about = about if about is not None else About()
+        missing = {t.name: [c.name for c in t.columns if c.name not in have] for t in self.topics}
+        zero = {name: columns for name, columns in missing.items() if columns}
+        about = about or About()
         about = replace(about, configuration={**about.configuration, "not_in_telemetry": zero})
         streams = rng.spawn(len(topics))  # a topic's instants do not depend on which others are recorded
-        self._throttles = [
-            Throttle(t.rate, stream) for t, stream in zip(topics, streams, strict=True) if t in self.topics
-        ]
+        pairs = zip(topics, streams, strict=True)
+        self._throttles = [Throttle(topic.rate, stream) for topic, stream in pairs if topic in self.topics]
         self._sent = [0] * len(self.topics)
         self._start = start_ns
         self._last_time = -np.inf

@@ -269,13 +269,12 @@ def stated_actuation(joint_names: Sequence[str], drives: Sequence[StatedDrive]) 
         return None
     rows = list(zip(joint_names, np.eye(len(joint_names)), strict=True))
     turning, sprung = np.flatnonzero(armature).tolist(), np.flatnonzero(stiffness).tolist()
+    of_joints = np.column_stack([friction, damping, offset]).ravel()
     return replace(
         default_actuation(joint_names),
         motor_inertia=tuple(MotorInertia(*rows[k]) for k in turning),
         springs=tuple(Spring(*rows[k]) for k in sprung),
-        values=np.concatenate(
-            [np.column_stack([friction, damping, offset]).ravel(), armature[turning], stiffness[sprung]]
-        ),
+        values=np.concatenate([of_joints, armature[turning], stiffness[sprung]]),
     )
 
 

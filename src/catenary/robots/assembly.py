@@ -111,10 +111,11 @@ def assemble(
     folded = fold(ordered, root)
     if not folded.moving:
         raise UnsupportedModelError(f"{where}: no moving joint, expected at least one")
-    without = [link for link, body in zip(folded.moving, folded.inertia, strict=True) if body.mass == 0.0]
+    bodies = list(zip(folded.moving, folded.inertia, strict=True))
+    without = [link for link, body in bodies if body.mass == 0.0]
     untold = [
         link.name
-        for link, body in zip(folded.moving, folded.inertia, strict=True)
+        for link, body in bodies
         if body.inertia is None or (body.mass > MIN_DOUBTED_KG and is_negative(body.mass, body.inertia))
     ]
     doubted = [*doubts, *_doubts(ordered, folded, untold)]
@@ -362,12 +363,11 @@ class Mimic(NamedTuple):
     offset: float  # [rad or m]
 
 
-def resolve_mimics(mimics: Mapping[str, Mimic]) -> dict[str, Mimic]:
-    """Express each following joint, q = multiplier * q_leader + offset, by one that is free: not among them."""
+def resolve_mimics(mimics: Mapping[str, Mimic], joints: Iterable[str]) -> dict[str, Mimic]:
+    """Express each joint, q = multiplier * q_leader + offset, by one that is free: no mimic, which leads itself."""
     resolved: dict[str, Mimic] = {}
-    for joint, first in mimics.items():
-        chain = [joint]
-        here = first
+    for joint in joints:
+        chain, here = [joint], mimics.get(joint, Mimic(joint, 1.0, 0.0))
         while here.leader is not None and here.leader in mimics:
             if here.leader in chain:
                 raise UnsupportedModelError(

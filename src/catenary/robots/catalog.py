@@ -60,9 +60,9 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
         model = load_text(source, massless=massless)
     elif name in robot_names():
         with as_file(catalogue_file(name)) as table:
-            model = load_file(table, massless=massless)
+            model = load_open(table, massless=massless)
     elif _is_file(Path(source)):
-        model = load_file(Path(source), massless=massless)
+        model = load_open(Path(source), massless=massless)
     else:
         begins = [known for known in robot_names() if name.startswith(known)]
         close = begins[-1:] or get_close_matches(cut(name), robot_names(), n=1, cutoff=0.6)
@@ -71,6 +71,10 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
             f'robot "{cut(name)}": neither a file nor in the catalogue{hint}; '
             f"the catalogue has {', '.join(robot_names())}"
         )
+    if model.loops is not None:
+        from catenary.robots.loops import close_loops
+
+        model = close_loops(model)
     if model.file_order not in ((), model.joint_names):  # unnamed numbers would land on other joints
         order = "depth first from the base, not as the file lists them"
         _log.warning('robot "%s": its joints are in the order %s: %s', model.name, ", ".join(model.joint_names), order)
@@ -79,25 +83,15 @@ def load_robot(source: str | Path, *, massless: Massless = (), strict: bool = Fa
     return model
 
 
-def load_file(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot from a `.toml`, `.urdf`, `.xml` (URDF or MJCF), `.mjcf`, `.json` or `.npz` file."""
-    model = load_open(path, massless=massless)
-    if model.loops is None:
-        return model
-    from catenary.robots.loops import close_loops
-
-    return close_loops(model)
-
-
 def load_open(path: Path, *, massless: Massless = ()) -> RobotModel:
-    """Load a robot as `load_file` does, its kinematic loops still open.
+    """Load a robot from a `.toml`, `.urdf`, `.xml` (URDF or MJCF), `.mjcf`, `.json` or `.npz` file, its loops open.
 
     Args:
         path: Description file or table.
         massless: Links that may have no mass.
 
     Raises:
-        InputError: As of `load_file`.
+        InputError: As of `load_robot`.
     """
     kind = path.suffix.lower()
     if kind == ".toml":

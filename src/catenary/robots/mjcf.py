@@ -185,10 +185,11 @@ def _refuse_what_no_tree_has(c: CompiledMjcf) -> None:
 
 def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str]) -> RobotModel:
     joints = _joint_names(c)
-    following = resolve_mimics(_mimics(c, joints))
+    leaders = resolve_mimics(_mimics(c, joints), joints.values())
+    free = [name for name, leader in leaders.items() if leader.leader == name]
     links: list[Link] = []
     for body in range(1, c.model.nbody):
-        links += _body_links(c, body, joints, following)
+        links += _body_links(c, body, joints, leaders)
     site_names = {site: c.model.site(site).name for site in range(c.model.nsite) if c.model.site(site).name}
     taken = {_WORLD, *(link.name for link in links)}
     frames, notes = {}, []
@@ -202,21 +203,21 @@ def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str]) -> RobotModel
     model = assemble(
         path.stem if name in ("", "MuJoCo Model") else name,
         links,
-        [_coordinate(c, joint, name) for joint, name in joints.items() if name not in following],
+        [_coordinate(c, joint, name) for joint, name in joints.items() if name in free],
         frames=frames,
         root=_WORLD,
-        actuation=stated_actuation([n for n in joints.values() if n not in following], _drives(c, joints, following)),
+        actuation=stated_actuation(free, _drives(c, joints, leaders)),
         sources=sources,
         notes=[*notes, *c.aside, *_notes(c, joints)],
     )
     return replace(model, loops=_loops(c, joints, model.joint_names))
 
 
-def _drives(c: CompiledMjcf, joints: Mapping[int, str], following: Mapping[str, Mimic]) -> list[StatedDrive]:
+def _drives(c: CompiledMjcf, joints: Mapping[int, str], leaders: Mapping[str, Mimic]) -> list[StatedDrive]:
     """Return dry friction, damping, armature and springs of the joints; those that nothing moves ask nothing."""
     m, found = c.model, []
     for joint, name in joints.items():
-        leader, factor, offset = following.get(name, Mimic(name, 1.0, 0.0))
+        leader, factor, offset = leaders[name]
         if leader is not None:
             arrays = m.dof_frictionloss, m.dof_damping, m.dof_armature, m.jnt_stiffness, m.qpos_spring
             *stated, relaxed = (float(array[joint]) for array in arrays)
@@ -235,9 +236,7 @@ def _joint_names(c: CompiledMjcf) -> dict[int, str]:
     return names
 
 
-def _body_links(
-    c: CompiledMjcf, body: int, joints: Mapping[int, str], following: Mapping[str, Mimic]
-) -> Iterator[Link]:
+def _body_links(c: CompiledMjcf, body: int, joints: Mapping[int, str], leaders: Mapping[str, Mimic]) -> Iterator[Link]:
     """Return a body as one link per joint, each moving the next; a body without joints as one fixed link."""
     name, parent = c.name("body", body), c.name("body", int(c.model.body_parentid[body]))
     pose = Pose(rotation_from_quaternion(c.model.body_quat[body]), np.array(c.model.body_pos[body]))
@@ -249,7 +248,7 @@ def _body_links(
         is_last = joint == own[-1]
         anchor = np.array(c.model.jnt_pos[joint])
         link = name if is_last else f"{name}/{joints[joint]}"
-        mimic = following.get(joints[joint], Mimic(joints[joint], 1.0, 0.0))
+        mimic = leaders[joints[joint]]
         slides = c.model.jnt_type[joint] == c.mujoco.mjtJoint.mjJNT_SLIDE
         yield Link(
             name=link,

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.arrays import Floats, Listed, as_array, frozen
 from catenary.errors import InputError, MissingInertiaError
-from catenary.robots.actuation import Actuation
+from catenary.robots.actuation import Actuation, default_actuation
 from catenary.robots.link_inertia import LinkInertia, check_inertia, symmetric, unphysical
 from catenary.robots.plausible import HEAVY_RATIO, LONG_LINK_M
 from catenary.spatial import Pose
@@ -61,9 +61,8 @@ class Loops(NamedTuple):
 
     loops: tuple[Loop, ...]
     motors: tuple[str, ...]  # coordinates that are driven, which the others follow; empty if not stated
-    assembled: Annotated[
-        Floats, Listed()
-    ]  # (n,) a place next to which the loops close [rad or m]: they may close in several ways
+    # (n,) a place next to which the loops close [rad or m]: they may close in several ways
+    assembled: Annotated[Floats, Listed()]
 
 
 class Unseen(NamedTuple):
@@ -169,6 +168,11 @@ class RobotModel(OnScreen):
         self.require_masses()
         if self.missing_tensor:
             raise MissingInertiaError(self.name, self.missing_tensor, only_tensor=True)
+
+    @property
+    def assumed_actuation(self) -> Actuation:
+        """Its actuation; friction on every joint where its description states none."""
+        return default_actuation(self.joint_names) if self.actuation is None else self.actuation
 
     @cached_property
     def base(self) -> str:

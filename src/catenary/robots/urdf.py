@@ -42,11 +42,8 @@ _REDUCTION = ("mechanicalReduction", "gear_ratio")  # of ROS, of Drake
 _ROTOR = ("motorInertia", "rotor_inertia")
 _TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _KINDS: dict[str, JointKind] = {
-    "revolute": "revolute",
-    "continuous": "revolute",
-    "prismatic": "prismatic",
-    "fixed": "fixed",
-}
+    "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed",
+}  # fmt: skip
 
 
 def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
@@ -108,15 +105,15 @@ def parse_urdf(
     if not links:
         raise FileFormatError(f"{where}: no <link>, expected at least one")
     root = _only_root(where, links, joints)
-    free, following = _leaders(where, joints)
-    as_listed = [joint.name for joint in joints if joint.name in free]
+    leaders = _leaders(where, joints)
+    as_listed = [name for name, leader in leaders.items() if leader.leader == name]
     carried_by = {joint.link.name: joint for joint in joints}
     with naming_the_file(where):
         ordered = depth_first(f'robot "{robot.get("name")}"', [joint.link for joint in joints], root)
     joints = [carried_by[link.name] for link in ordered]
+    leaders = {joint.name: leaders[joint.name] for joint in joints if joint.name in leaders}
     with np.errstate(all="ignore"):  # what is not finite is refused by name
         stepping = {j.link.parent for j in joints if j.link.joint != "fixed" and not j.link.pose.position.any()}
-        leaders = {j.name: following.get(j.name, Mimic(j.name, 1.0, 0.0)) for j in joints if j.link.joint != "fixed"}
         tree_links = []
         for joint in joints:
             name, leader = joint.link.name, leaders.get(joint.name)
@@ -136,11 +133,11 @@ def parse_urdf(
         model = assemble(
             robot.get("name") or "unnamed",
             tree_links,
-            [joint.coordinate for joint in joints if joint.name in free],
+            [joint.coordinate for joint in joints if joint.name in as_listed],
             root=root,
             actuation=actuation,
             sources=[*sources, *beside],
-            notes=[*_notes(robot, joints, following), *rotorless],
+            notes=[*_notes(robot, joints, leaders), *rotorless],
             doubts=[f'link "{name}": has no mass, as the file says' for name in weightless if name not in declared],
             file_order=as_listed,
         )
@@ -241,9 +238,9 @@ def _only_root(where: str, links: Mapping[str, Element], joints: Sequence[_Joint
     return roots[0]
 
 
-def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, Mimic]]:
-    """Return the joints that are coordinates, and the other joints in terms of them."""
-    moving = {joint.name for joint in joints if joint.link.joint != "fixed"}
+def _leaders(where: str, joints: Sequence[_Joint]) -> dict[str, Mimic]:
+    """Return the moving joints in terms of those that are coordinates."""
+    moving = [joint.name for joint in joints if joint.link.joint != "fixed"]
     mimics = {joint.name: joint.mimic for joint in joints if joint.mimic is not None}
     for name, mimic in mimics.items():
         if mimic.leader not in moving:
@@ -252,7 +249,7 @@ def _leaders(where: str, joints: Sequence[_Joint]) -> tuple[set[str], dict[str, 
                 f"moving joints: {', '.join(sorted(moving))}"
             )
     with naming_the_file(where):
-        return moving - set(mimics), resolve_mimics(mimics)
+        return resolve_mimics(mimics, moving)
 
 
 def _inertia(what: str, link: Element) -> LinkInertia | None:
@@ -270,16 +267,15 @@ def _inertia(what: str, link: Element) -> LinkInertia | None:
     return about_com.moved(origin_of(what, inertial))
 
 
-def _notes(robot: Element, joints: Sequence[_Joint], following: Mapping[str, Mimic]) -> list[str]:
+def _notes(robot: Element, joints: Sequence[_Joint], leaders: Mapping[str, Mimic]) -> list[str]:
     """Return notes on what the file holds and the model leaves out, and which limits look like placeholders."""
-    free = [j for j in joints if j.link.joint != "fixed" and j.name not in following]
+    moving = [j for j in joints if j.name in leaders]
+    free = [j for j in moving if leaders[j.name].leader == j.name]
     coordinates = {j.name: j.coordinate for j in free}
     notes = list[str]()
     for tag, what in (("calibration", "calibration positions"), ("safety_controller", "soft limits")):
         notes += left_out(what, [j.name for j in joints if j.element.find(tag) is not None])
-    tighter = [
-        j.name for j in joints if j.name in following and _is_tighter(j.coordinate, following[j.name], coordinates)
-    ]
+    tighter = [j.name for j in moving if _is_tighter(j.coordinate, leaders[j.name], coordinates)]
     notes += left_out("position limits of mimic joints, tighter than their leader's", tighter)
     for key in ("velocity", "effort"):
         zero = [j.name for j in free if getattr(j.coordinate, key) == 0.0]

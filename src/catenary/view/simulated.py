@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Flags, Floats, as_array
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
-from catenary.control.controllers import CONTROLLERS, make_hold
+from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller
 from catenary.control.correction import Fade, StateCorrector
 from catenary.control.loop import Tick, run_loop
 from catenary.control.loop_report import LoopReport
@@ -307,7 +307,7 @@ class DrivenArm:
         self._corrector = None if model is None else self._switched(model)
         self._kinds = {kind.words: kind for kind in CONTROLLERS.values() if kind.fits(self.arm)}
         self._controllers = {words: kind.make(self.arm) for words, kind in self._kinds.items()}
-        self._controllers[_HOLD_CONTROL] = make_hold("dg", self.arm)
+        self._controllers[_HOLD_CONTROL] = make_controller("dg", self.arm, among=HOLDS)
         usual = CONTROLLERS["dg"].words
         self._controller = self._controllers[usual]
         self.control = _OWN_CONTROL if model is not None else usual

@@ -20,11 +20,16 @@ from catenary.file_formats import format_of
 from catenary.files import write_atomically
 from catenary.gravity.mass_doubts import mass_doubts
 from catenary.identification.drive_gains import DriveGains
-from catenary.identification.explanations.arm import arm_as_found
-from catenary.identification.explanations.findings import GAINS, day_findings, explained_torques, findings_against
+from catenary.identification.explanations.findings import (
+    GAINS,
+    arm_as_found,
+    day_findings,
+    explained_torques,
+    findings_against,
+)
 from catenary.identification.identification import CarriedBody, Identification, gains_of, identify_logs, prepared
 from catenary.identification.identification_file import Card, identification_card, load_identification
-from catenary.identification.identify_options import IdentifyOptions, actuation_of, filter_of
+from catenary.identification.identify_options import IdentifyOptions, filter_of
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.residuals import rms
 from catenary.identification.samples import HELD_OUT, Samples, check_positions, prepare
@@ -331,7 +336,7 @@ def _times(log: MotionLog, gains: Floats) -> MotionLog:
 def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
     options = result.options
     static = options.terms == "static"
-    if not static and actuation_of(model).find_rotors:  # no table
+    if not static and model.assumed_actuation.find_rotors:  # no table
         used = filter_of(model, options)
         yield (
             f"{model.name}: its file states no filter: assumed friction on every joint, a filter of order {used.order} "

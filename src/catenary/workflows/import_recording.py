@@ -81,14 +81,8 @@ def import_recording(
         >>> catenary.import_recording(path, mapping, units="rad,rad").q_nominal.shape
         (900, 2)
     """
-    how: dict[str, Any] = {
-        "units": units,
-        "robot": robot,
-        "accept_proposal": accept_proposal,
-        "answers": answers,
-        "clock": clock,
-    }
-    opened = _opened(_paths(sources), mapping, **how)
+    how: dict[str, Any] = {"units": units, "robot": robot, "answers": answers, "clock": clock}
+    opened = _opened(_paths(sources), mapping, accept_proposal=accept_proposal, **how)
     return opened if isinstance(opened, MotionLog) else synchronise(*opened).log
 
 
@@ -124,9 +118,8 @@ def import_to_file(
         left = not_used(opened[0].streams, columns_wanted(*opened))
     del opened
     first = next(logs)
-    judged = deepcopy(
-        first.part(0, min(len(first), _MAX_JUDGED_POSITIONS // len(first.joint_names)))
-    )  # holds no more of it
+    # a copy holds no more of it
+    judged = deepcopy(first.part(0, min(len(first), _MAX_JUDGED_POSITIONS // len(first.joint_names))))
     rows, measured, last_time, notes = 0, 0, judged.time, judged.notes
 
     def counted() -> Iterator[MotionLog]:
@@ -358,12 +351,8 @@ def _going_on(log: MotionLog, rows: Integers, before: MotionLog, its: Integers) 
 
 def _in_words(alike: Collection[str]) -> str:
     """Return the first of notes that differ in numbers, and in how many pieces they are."""
-    more = (
-        f"; likewise in {len(alike) - 1} more pieces, which overlap by {2 * _OVERLAP_ROWS} rows"
-        if len(alike) > 1
-        else ""
-    )
-    return next(iter(alike)) + more
+    more = f"; likewise in {len(alike) - 1} more pieces, which overlap by {2 * _OVERLAP_ROWS} rows"
+    return next(iter(alike)) + more * (len(alike) > 1)
 
 
 def _shape(note: str) -> str:

@@ -48,7 +48,10 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
         InputError: `out` exists, or is of another kind.
         RecordingError: It cannot be written.
     """
-    source = _opened(path)
+    bags = bags_in(path)
+    if len(bags) != 1:
+        raise FileFormatError(f"{path}: expected one recording, got a folder with {len(bags)} of them: name one")
+    source = open_recording(bags[0])
     is_bag = isinstance(source, BagStream) and source.is_ros1
     place = _place(path, out, is_bag=is_bag)
     rescue = rescue_of([source])
@@ -73,13 +76,6 @@ def recover(path: Path, out: Path | None = None) -> Recovery:
     except OSError as error:
         raise RecordingError(f"{place}: cannot be written: {error.strerror or error}; {path} is as it was") from error
     return Recovery(path, place, rescue, problems)
-
-
-def _opened(path: Path) -> Source:
-    found = bags_in(path)
-    if len(found) != 1:
-        raise FileFormatError(f"{path}: expected one recording, got a folder with {len(found)} of them: name one")
-    return open_recording(found[0])
 
 
 def _place(path: Path, out: Path | None, *, is_bag: bool) -> Path:

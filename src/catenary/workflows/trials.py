@@ -23,11 +23,10 @@ from catenary.control.gains import (
     reflected_inertia,
     torque_at_joints,
 )
-from catenary.control.gravity_pd import GravityPD
 from catenary.control.limits import TorqueLimits
 from catenary.control.loop import GravitySource, Observer, Tick, run_loop
 from catenary.control.loop_report import Holding, Tracking
-from catenary.control.pd import Controller, SplitController
+from catenary.control.pd import Controller, GravityPD, SplitController
 from catenary.errors import InputError
 from catenary.open_robot import Simulated, open_robot, refuse_unsupported
 from catenary.plant import Bounded, JointState, Plant

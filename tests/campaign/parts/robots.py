@@ -37,7 +37,7 @@ def loop(seed: int, folder: Path) -> None:
     """Run a controller on a rigid arm with an unknown load; some torques and one setpoint are spoilt."""
     from numba.core import event
 
-    from catenary.control.controllers import CONTROLLERS, HOLDS, make_controller, make_hold
+    from catenary.control.controllers import CONTROLLERS, HOLDS
     from catenary.control.loop import Tick, run_loop
     from catenary.control.shutdown import MAX_STEP
     from catenary.errors import CatenaryError
@@ -51,7 +51,7 @@ def loop(seed: int, folder: Path) -> None:
     hold = rng.random() < 0.4
     kinds = [kind for kind in (HOLDS if hold else CONTROLLERS).values() if kind.fits(arm)]
     kind = rng.choice(kinds)
-    controller = (make_hold if hold else make_controller)(kind.name, arm)
+    controller = kind.make(arm)
     how, share = rng.choice(list(SPOILT)), rng.choice([0.002, 0.05, 0.5, 1.0])
     leap_at, leap = rng.choice([np.inf, rng.uniform(0.1, 0.9)]), rng.uniform(-1.0, 1.0)
     (folder / "input").write_text(f"{arm.model.name} {kind} {how} {share} {leap_at} {leap}")

@@ -8,7 +8,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from catenary.crtk.dds import program as names
 from catenary.crtk.dds.program import _DISTRIBUTIONS, distribution, message_hash
-from catenary.crtk.message_bytes import CDR, codec
+from catenary.crtk.message import CDR, codec
 from catenary.errors import InputError
 from catenary.recording.messages import MESSAGES, current_name
 from oracles.random_messages import assert_same, random_message

@@ -7,11 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from catenary.identification.explanations.columns import nothing_supposed
 from catenary.identification.explanations.evidence import Evidence
-from catenary.identification.explanations.findings import torque_findings, unseen_joints
+from catenary.identification.explanations.findings import (
+    ExplainedRecording,
+    find_explanation,
+    torque_findings,
+    unseen_joints,
+)
 from catenary.identification.explanations.hypotheses import HYPOTHESES
-from catenary.identification.explanations.search import ExplainedRecording, find_explanation
-from catenary.identification.explanations.supposed import nothing_supposed
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import Samples, prepare
 from catenary.robots.catalog import load_robot

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
-from catenary.control.controllers import make_controller, make_hold
+from catenary.control.controllers import HOLDS, make_controller
 from catenary.control.loop_report import Holding
 from catenary.control.pd import Controller
 from catenary.errors import InputError, LimitError
@@ -105,7 +105,7 @@ def arm_at(angle_deg: float) -> SimulatedArm:
 
 def held(angle_deg: float, controller: str, seconds: float) -> Holding:
     arm = arm_at(angle_deg)
-    return hold_arm(arm, make_hold(controller, arm), POSE, seconds)
+    return hold_arm(arm, make_controller(controller, arm, among=HOLDS), POSE, seconds)
 
 
 def test_sensed_gravity_holds_and_nominal_gravity_does_not_on_a_tilted_base() -> None:
@@ -129,7 +129,7 @@ def test_rates_of_a_rocking_base_keep_the_arm_where_an_accelerometer_alone_does_
     drift = {}
     for blind in (False, True):
         arm = of_2014(rocking)
-        controller = make_hold("dg", arm)
+        controller = make_controller("dg", arm, among=HOLDS)
         drift[blind] = hold_arm(arm, WithoutRates(controller) if blind else controller, POSE, 3.0).drift[0]
     assert drift[False] < 0.25 * drift[True]
     assert np.rad2deg(drift[True]) > 2.0
@@ -138,15 +138,17 @@ def test_rates_of_a_rocking_base_keep_the_arm_where_an_accelerometer_alone_does_
 def test_a_pose_beyond_the_limits_or_no_time_at_all_is_refused() -> None:
     arm = arm_at(0.0)
     with pytest.raises(LimitError, match="outside"):
-        hold_arm(arm, make_hold("dg", arm), [2.0, 1.5, 0.4], 1.0)
+        hold_arm(arm, make_controller("dg", arm, among=HOLDS), [2.0, 1.5, 0.4], 1.0)
     with pytest.raises(InputError, match="seconds"):
-        hold_arm(arm, make_hold("dg", arm), POSE, 0.0)
+        hold_arm(arm, make_controller("dg", arm, among=HOLDS), POSE, 0.0)
 
 
 @pytest.mark.slow
 def test_joint_one_slips_where_its_reported_position_is_off_and_not_where_it_is_known() -> None:
     reported, known = (
-        np.rad2deg(hold_arm(arm, make_hold("dg", arm), HOLD_START, 2.0, calibrated=calibrated).drift[0])
+        np.rad2deg(
+            hold_arm(arm, make_controller("dg", arm, among=HOLDS), HOLD_START, 2.0, calibrated=calibrated).drift[0]
+        )
         for arm, calibrated in ((arm_at(-25.0), False), (arm_at(-25.0), True))
     )
     assert 0.05 < reported < 0.5  # friction is at its edge: it depends on every number of the plant
@@ -160,7 +162,7 @@ def test_an_arm_whose_joints_are_known_holds_by_a_cheap_sensor_on_a_base_that_ro
         arm = simulated_arm("raven2", base=base)
         sensor, told = base_sensor(base, start=arm.plant.measured_js().time)
         source = SensedGravity(sensor.mailbox, told, feed=sensor.advance) if sensed else None
-        held = hold_arm(arm, make_hold("dg", arm), HOLD_START, 4.0, gravity=source, calibrated=True)
+        held = hold_arm(arm, make_controller("dg", arm, among=HOLDS), HOLD_START, 4.0, gravity=source, calibrated=True)
         drift.append(np.rad2deg(held.drift[:2]))
     assert drift[0].max() < 0.7  # cables rub, and creep
     assert_allclose(*drift, atol=0.1)  # true gravity holds no better

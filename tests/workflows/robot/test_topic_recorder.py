@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.loopback import Loopback
-from catenary.crtk.message import header, message_class
-from catenary.crtk.message_bytes import codec
+from catenary.crtk.message import codec, header, message_class
 from catenary.crtk.message_values import joint_state_message
 from catenary.errors import NotReadyError, RecordingError, TransportError
 from catenary.raven2.topics import EXT_JPOS, RAVENSTATE_100HZ, in_channels, raven_topics
@@ -20,6 +18,7 @@ from catenary.recording.bag_reader import JournalReader, open_recording
 from catenary.recording.import_formats.known_layouts import read_raven
 from catenary.recording.import_formats.sources import Sources
 from catenary.recording.journal import About
+from catenary.topics import SECOND
 from catenary.trajectories.reference import Trajectory
 from catenary.workflows.project.calibrate import TRAIN
 from catenary.workflows.project.folder import Project, ProjectSettings

@@ -14,7 +14,6 @@ from typing import Any
 from cyclonedds.core import DDSException
 from cyclonedds.sub import DataReader
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.dds.program import (
     Endpoint,
     Program,
@@ -27,11 +26,11 @@ from catenary.crtk.dds.program import (
     taken,
 )
 from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin
-from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import CDR, codec
+from catenary.crtk.message import CDR, Message, codec
 from catenary.crtk.network import RosArguments
 from catenary.crtk.transport import SETTLE_S, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError
+from catenary.topics import SECOND
 
 _USUAL = Quality()
 

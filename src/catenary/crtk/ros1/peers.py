@@ -32,8 +32,7 @@ from rospy.exceptions import TransportTerminated
 from rospy.impl import tcpros_base
 
 from catenary.crtk.inbox import Origin
-from catenary.crtk.message import Message
-from catenary.crtk.message_bytes import MESSAGE_BYTES
+from catenary.crtk.message import MESSAGE_BYTES, Message
 from catenary.crtk.transport import HeardTopic, Publisher
 
 _LOOK = 1.0  # [s] between two looks whether a peer that reads nothing has gone

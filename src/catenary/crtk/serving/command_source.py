@@ -15,13 +15,13 @@ at any time.
 
 from collections.abc import Set
 
-from catenary.crtk.clock import SECOND
 from catenary.crtk.exclusive_control import STOPPING_COMMANDS
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import stamp_of
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.topic_names import COMMAND, CrtkTopic
 from catenary.crtk.transport import Transport
+from catenary.topics import SECOND
 
 _OLDEST_STAMP_NS = SECOND // 2  # [ns] age of a stamp beyond which a command is not obeyed
 # [ns] the same of the state command by which a program begins that came after this server: over DDS it may take seconds

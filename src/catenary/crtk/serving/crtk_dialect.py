@@ -149,7 +149,14 @@ def _lock_orientation(arm: ServedArm, message: Message) -> None:
     _master(arm).locked = place.rotation
 
 
+def _switch(attribute: str) -> Set:
+    return lambda arm, message: setattr(arm.settings, attribute, bool(message.data))
+
+
+# what moves nothing
 _SETTINGS: dict[str, Set] = {
+    "use_gravity_compensation": _switch("compensates_gravity"),
+    "body/set_cf_orientation_absolute": _switch("forces_in_base_axes"),
     "lock_orientation": _lock_orientation,
     "unlock_orientation": lambda arm, _: arm.unlock(),
     "hand/servo_cf": lambda arm, message: _master(arm).push(_wrench_of(arm, message), arm.measured.time),
@@ -246,7 +253,6 @@ def local_pose(pose: Pose, stamp: int) -> Message:
     return pose_message(pose, stamp, BASE_FRAME)
 
 
-_MEASURED: dict[str, MakeMessage] = {**joints_and_tool(), "measured_cf": partial(measured_cf, frame=FrameOfForces(""))}
 # what is published of each arm in every tick, verb by verb
 _PUBLISHED: dict[str, MakeMessage] = {
     **joints_and_tool(),
@@ -310,7 +316,7 @@ class CrtkDialect(Dialect):
 
     def obey(self, topic: CrtkTopic, message: Message) -> None:
         """Obey a command, as every dialect; what moves nothing is switched in any state."""
-        setting = _SET.get(topic.verb)
+        setting = _SETTINGS.get(topic.verb)
         if topic.arm is None:
             return  # sounds of a dVRK's console
         if setting is not None:
@@ -325,18 +331,6 @@ def _has(arm: ServedArm, verb: str) -> bool:
     if verb == "jaw/servo_jf":
         return arm.tool.has_jaws and "servo_jf_of" in arm.plant.supports
     return arm.tool.has_jaws or not verb.startswith("jaw/")
-
-
-def _switch(attribute: str) -> Obey:
-    return lambda arm, message: setattr(arm.settings, attribute, bool(message.data))
-
-
-# what moves nothing
-_SET: dict[str, Set] = {
-    "use_gravity_compensation": _switch("compensates_gravity"),
-    "body/set_cf_orientation_absolute": _switch("forces_in_base_axes"),
-    **_SETTINGS,
-}
 
 
 def _servo_cf(arm: ServedArm, message: Message, frame: FrameOfForces) -> None:
@@ -482,7 +476,7 @@ def _servo_cs(arm: ServedArm, message: Message) -> None:
 
 def _measured_cs(arm: ServedArm, stamp: int) -> Message:
     """Return pose, twist and wrench of the tool, all of one instant."""
-    pose, twist, wrench = (_MEASURED[name](arm, stamp) for name in ("measured_cp", "measured_cv", "measured_cf"))
+    pose, twist, wrench = (_PUBLISHED[name](arm, stamp) for name in ("measured_cp", "measured_cv", "measured_cf"))
     valid = message_class("std_msgs/Bool")(True)
     return message_class("crtk_msgs/CartesianState")(
         pose.header, pose.pose, valid, twist.twist, valid, wrench.wrench, valid

@@ -54,9 +54,8 @@ class MasterArm:
         """Return joint torques (n,) of the wrist that hold a locked orientation; zero where none is locked."""
         tau = np.zeros(tool.jacobian.shape[1])
         if self.locked is not None:
-            moment = (
-                _LOCK_STIFFNESS * rotation_vector(self.locked @ tool.pose.rotation.T) - _LOCK_DAMPING * tool.twist[3:]
-            )
+            way = rotation_vector(self.locked @ tool.pose.rotation.T)
+            moment = _LOCK_STIFFNESS * way - _LOCK_DAMPING * tool.twist[3:]
             tau[-_WRIST_JOINTS:] = (tool.jacobian[3:].T @ moment)[-_WRIST_JOINTS:]
         return tau
 

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from catenary.arrays import Floats, as_array
-from catenary.crtk.clock import SECOND
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import joint_values, named_joints, operating_state_message, pose_of, rotation_of
 from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, jaw, joints_and_tool, single_number
@@ -17,6 +16,7 @@ from catenary.plant import OperatingState
 from catenary.raven2.topics import CHANNELS, RAVENSTATE, STATE_COLUMNS
 from catenary.recording.messages import NUMBERS, fields
 from catenary.spatial import Pose, rotation_vector
+from catenary.topics import SECOND
 
 _PLACE: dict[str, int] = {"gold": 0, "green": 1}
 _RavenState = message_class(RAVENSTATE.type)

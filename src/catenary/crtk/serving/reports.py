@@ -4,7 +4,7 @@ import logging
 from collections import deque
 from dataclasses import dataclass
 
-from catenary.crtk.clock import SECOND
+from catenary.topics import SECOND
 
 _logger = logging.getLogger(__name__)
 _TEXT_CHARACTERS = 500  # characters of a text: a message may have quoted much of what was sent

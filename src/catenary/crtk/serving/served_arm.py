@@ -27,9 +27,7 @@ _FOLLOW_S = 0.1  # [s] watchdog: time after the last command in which a goal, ve
 JAW_JOINTS = 2  # joints, the last ones
 BASE_FRAME = "base"  # frame of all poses
 _SETPOINT_SPEED = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] largest of a setpoint: 0.0025 rad, 0.05 mm per millisecond
-_LEAST_BUSY_S = (
-    0.05  # [s] CRTK's Python client waits for a busy state and then its end, even after a move of zero length
-)
+_LEAST_BUSY_S = 0.05  # [s] CRTK's Python client waits for a busy state and its end, even of a move of zero length
 GravityTorque = Callable[[Floats, Floats], Floats]  # joints (n,), gravity (3,) -> torques (n,)
 
 

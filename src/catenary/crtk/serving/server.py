@@ -13,7 +13,6 @@ from time import perf_counter
 import numpy as np
 
 from catenary.crtk.client import STARTS_TEXT
-from catenary.crtk.clock import SECOND
 from catenary.crtk.exclusive_control import WATCH_EVERY_NS, Commander, another_robot, require_no_other_robot
 from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, header, message_class
@@ -37,7 +36,7 @@ from catenary.crtk.topic_names import (
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, TransportError
 from catenary.plant import OperatingState, Plant, fault_of
-from catenary.topics import Topic
+from catenary.topics import SECOND, Topic
 
 _Array, _Status, _KeyValue = (
     message_class(f"diagnostic_msgs/{name}") for name in ("DiagnosticArray", "DiagnosticStatus", "KeyValue")
@@ -244,9 +243,8 @@ class Server:
         """Obey what has come, as much as a tick has time for; what comes faster waits, then the oldest gives way."""
         left, waiting = _COMMAND_COST_A_TICK, 0
         for k, source in enumerate(self._sources):
-            free = (
-                left - _COMMAND_COST_A_TICK // 2 if k < self._others else left
-            )  # state commands leave half to the others
+            # state commands leave half to the others
+            free = left - _COMMAND_COST_A_TICK // 2 if k < self._others else left
             count = min(len(source), TOPIC_COMMANDS_A_TICK, free // source.cost)
             left -= count * source.cost
             if count and k < self._others:  # who asks for a state reads the robot next

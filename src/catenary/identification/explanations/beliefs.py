@@ -9,9 +9,9 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK, link_parameters
-from catenary.identification.file_masses import MASS_SHARE, SPREADS, mass_covariance
+from catenary.identification.base_parameters import Parameters
+from catenary.identification.consistency import MASS_SHARE, SPREADS, mass_covariance
 from catenary.identification.identification import Identification
-from catenary.identification.parameters import Parameters
 from catenary.robots.model import RobotModel
 
 _FREE_SPREADS = ((0.3, 0.0, 0.4), (3.0, 0.0, 0.4), (30.0, 0.0, 0.2))  # the same about 1 kg and 0.1 m

@@ -1,4 +1,6 @@
-"""Report of an explanation: a note where it is the arm's, a refusal with its option where it is the recording's.
+"""Explanation of recordings: by which causes, the robot as they show it, with bodies and shared drives, and findings.
+
+A finding is a note where it is the arm's, a refusal with its option where it is the recording's.
 
 There is advice only where the mended recording is as good as a sound one: no joint is left with 30 % of its torque,
 masses are plausible, only faults of the same joints are nearly as likely, and the number that mends it is known to a
@@ -7,20 +9,19 @@ tenth.
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.identification.explanations.arm import load_body
 from catenary.identification.explanations.beliefs import Belief, belief_of
-from catenary.identification.explanations.columns import Rows
+from catenary.identification.explanations.columns import Rows, Supposed
 from catenary.identification.explanations.evidence import Evidence, Fit
-from catenary.identification.explanations.hypotheses import UNSURE
-from catenary.identification.explanations.search import Cause, ExplainedRecording, find_explanation
-from catenary.identification.explanations.supposed import Supposed
-from catenary.identification.identification import Identification
+from catenary.identification.explanations.hypotheses import HYPOTHESES, UNSURE, Hypothesis, PossibleCause, Trial
+from catenary.identification.identification import CarriedBody, Identification
 from catenary.identification.samples import Samples
+from catenary.robots.actuation import Friction, MotorInertia
 from catenary.robots.model import RobotModel
 from catenary.verdict.finding import Finding
 
@@ -29,6 +30,79 @@ _POOR = 0.3  # relative residual of a joint, beyond which nothing is advised abo
 _IMPLAUSIBLE = 2.0  # squared distance of masses from the file's, per parameter
 _UNSEEN_SHARE = 0.5  # of a joint's torque at usual motions, that a recording leaves open
 _USUAL_ROWS, _USUAL_RANGE = 60, 0.6  # random motion: rows, and least amplitude [rad or m]
+_MARGIN, _FURTHER_MARGIN = 5.0, 12.0  # [nats] that a cause gains at least, and a further one beside it
+_MOST_CAUSES, _WEIGHED = 3, 8  # candidates that are weighed over all spreads
+_SPREAD_ROUNDS = 4
+_BODY_RADIUS_M = 0.05  # of the ball that a body is taken for, whose own inertia torques hardly show
+_LEAST_SIGMAS = 1.0  # that a body's mass lies above zero
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A hypothesis that explains a recording."""
+
+    hypothesis: Hypothesis
+    candidate: PossibleCause
+    gain: float  # [nats] of evidence over what was supposed before
+    rivals: tuple[tuple[float, Hypothesis, PossibleCause], ...] = ()  # and by how many nats they are less likely
+
+
+@dataclass(frozen=True)
+class ExplainedRecording:
+    """Explanation of a recording, with its residual."""
+
+    causes: tuple[Cause, ...]
+    supposed: Supposed
+    fit: Fit
+
+
+def find_explanation(evidence: Evidence, settled: Collection[str] = ()) -> ExplainedRecording:
+    """Explain a recording by as few causes as its evidence asks for; hypotheses that are `settled` are left out."""
+    with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other
+        supposed, debt = evidence.plain, 0.0
+        used, which = evidence.over_spreads(supposed)
+        causes = list[Cause]()
+        while len(causes) < _MOST_CAUSES:
+            for _ in range(_SPREAD_ROUNDS):  # again at the spread of masses that the best one leaves
+                ranked = _ranked(Trial(evidence, supposed, which), debt, settled)
+                value, hypothesis, candidate, its_own = ranked[0]
+                if value - used < _MARGIN or its_own == which:
+                    break
+                which = its_own
+            if value - used < (_FURTHER_MARGIN if causes else _MARGIN):
+                break
+            rivals = tuple(
+                (value - other, kind, rival)
+                for other, kind, rival, _ in ranked[1:]
+                if value - other < _MARGIN and (kind.name, rival.joints) != (hypothesis.name, candidate.joints)
+            )
+            causes.append(Cause(hypothesis, candidate, value - used, rivals))
+            supposed, used = candidate.supposed, value
+            evidence_now, which = evidence.over_spreads(supposed)
+            debt = evidence_now - used  # price and integral, which further causes pay as well
+        return ExplainedRecording(tuple(causes), supposed, evidence.fit(supposed, which))
+
+
+def _ranked(trial: Trial, debt: float, settled: Collection[str]) -> list[tuple[float, Hypothesis, PossibleCause, int]]:
+    """Return the best candidates with their evidence over all spreads, less prices, best first."""
+    knows, identified = trial.evidence.belief.knows_masses, len(trial.evidence.belief.covariances) == 1
+    found = []
+    for hypothesis in HYPOTHESES.values():
+        if (
+            hypothesis.name not in settled
+            and hypothesis.by_masses <= knows
+            and hypothesis.by_identification <= identified
+        ):
+            price = hypothesis.price(trial.n)
+            found += [(c.log_evidence - price, hypothesis, c) for c in hypothesis.candidates(trial)]
+    found.sort(key=lambda each: -each[0])
+    weighed = []
+    for value, hypothesis, candidate in found[:_WEIGHED]:
+        whole, which = trial.evidence.over_spreads(candidate.supposed)
+        here = trial.log(candidate.supposed)
+        weighed.append((whole + value - here - debt, hypothesis, candidate, which))
+    weighed.sort(key=lambda each: -each[0])
+    return weighed
 
 
 def torque_findings(model: RobotModel, samples: Samples, settled: Collection[str] = ()) -> list[Finding]:
@@ -171,3 +245,60 @@ def posterior(evidence: Evidence, fit: Fit, which: int = 0) -> Belief:
     C = 0.5 * (C + C.T) + 1e-12 * np.diag(np.diag(C))
     had = np.concatenate([mean, np.zeros(p - m)])
     return evidence.belief.after(had + G @ (fit.beta[:p] - np.concatenate([onto.T @ mean, np.zeros(p - m)])), C)
+
+
+def arm_as_found(
+    model: RobotModel, found: Sequence[tuple[Evidence, Supposed]]
+) -> tuple[RobotModel, tuple[CarriedBody, ...]]:
+    """Return a robot with what explains its recordings, and the bodies that are part of its masses now.
+
+    Args:
+        model: The robot as its file has it.
+        found: Each recording's evidence, and what it supposes. A drive is taken from any of them; a body only where all
+            carry one on the same link, as masses would be those of one recording otherwise.
+    """
+    drives = dict.fromkeys(drive for _, supposed in found for drive in supposed.shared)
+    for drive in drives:
+        model = _with_shared_drive(model, *drive)
+    bodies = list[CarriedBody]()
+    for link in found[0][1].loads if found else ():
+        if all(link in supposed.loads for _, supposed in found):
+            shown = [load_body(evidence, supposed, link) for evidence, supposed in found]
+            body, std = np.mean([each for each, _ in shown], axis=0), max(std for _, std in shown)
+            if body[0] > _LEAST_SIGMAS * std:
+                bodies.append(_carried_body(model, link, body))
+                model = bodies[-1].on(model)
+    return model, tuple(bodies)
+
+
+def _with_shared_drive(model: RobotModel, i: int, j: int, sign: float) -> RobotModel:
+    """Return a robot with friction and a rotor on q_i + sign q_j, and a rotor on each of the two joints."""
+    actuation, eye, names = model.assumed_actuation, np.eye(model.n), model.joint_names
+    along, name = eye[i] + sign * eye[j], f"{names[i]} {'+' if sign > 0.0 else '-'} {names[j]}"
+    own = [MotorInertia(names[k], eye[k]) for k in (i, j) if not any(r.combination[k] for r in actuation.motor_inertia)]
+    return replace(
+        model,
+        actuation=replace(
+            actuation,
+            values=None,
+            friction=(*actuation.friction, Friction(name, along, offset=False)),
+            motor_inertia=(*actuation.motor_inertia, *own, MotorInertia(name, along)),
+        ),
+    )
+
+
+def _carried_body(model: RobotModel, link: int, body: Floats) -> CarriedBody:
+    tip = model.frame()
+    name, pose = (model.tip, tip.pose) if tip.link == link else (model.link_names[link], None)
+    place = body[1:4] / body[0]
+    place = place if pose is None else pose.rotation.T @ (place - pose.position)
+    ball = 0.4 * float(body[0]) * _BODY_RADIUS_M**2
+    return CarriedBody(name, float(body[0]), tuple(place.tolist()), (ball, 0.0, 0.0, ball, 0.0, ball))
+
+
+def load_body(evidence: Evidence, supposed: Supposed, link: int) -> tuple[Floats, float]:
+    """Return the parameters (10,) of a body on a link that is supposed to carry one, and its mass' deviation [kg]."""
+    _, which = evidence.over_spreads(supposed)
+    load = evidence.belief.load
+    body, unsure = evidence.body(link, load, evidence.fit(supposed, which), which, supposed.loads)
+    return load @ body, float(load[0, 0] * np.sqrt(max(unsure[0, 0], 0.0)))

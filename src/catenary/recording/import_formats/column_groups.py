@@ -499,11 +499,8 @@ def poses_by_parts(stream: Stream) -> list[PoseColumns]:
         base, _, part = f".{point}".rpartition(".")
         if part not in _POINTS:
             continue
-        positions, turn = (
-            tuple(f"{point}.{axis}" for axis in "xyz"),
-            f"{base[1:]}.{dict(POSE_PARTS).get(part)}".lstrip("."),
-        )
-        turns = tuple(f"{turn}.{axis}" for axis in "xyzw")
+        turn = f"{base[1:]}.{dict(POSE_PARTS).get(part)}".lstrip(".")
+        positions, turns = (tuple(f"{of}.{axis}" for axis in axes) for of, axes in ((point, "xyz"), (turn, "xyzw")))
         if turns[-1] in stream.columns:
             found.append(PoseColumns((f"{front}{base[1:]}".rstrip("."),), positions + turns))
         elif set(positions) <= set(stream.columns):

@@ -165,9 +165,8 @@ def _columns(inner: str, stream: Stream) -> list[str]:
         base, part = found["base"], found["part"]
         limits = re.fullmatch(r"(\d{0,9}):(\d{0,9})|(\d{1,9})", part)
         if limits and base in arrays:
-            alone = limits[3]
-            first = int(limits[1] or alone or 0)
-            last = int(limits[2] or (first + 1 if alone else len(arrays[base])))
+            first = int(limits[1] or limits[3] or 0)
+            last = int(limits[2] or (first + 1 if limits[3] else len(arrays[base])))
             return arrays[base][first:last] if first < last <= len(arrays[base]) else []
     if {*"*?"} & {*inner} and len(inner) <= 200 and inner.count("*") <= 4:
         found_names = [name for name in stream.columns if fnmatchcase(name, inner)]

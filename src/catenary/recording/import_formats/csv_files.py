@@ -137,9 +137,7 @@ _MISSING_CELLS = frozenset(["", "NaN", "NAN", "NA", "N/A", "null", "None", "none
                             "#N/A", "#DIV/0!", "#NUM!", "#VALUE!", "#REF!", *_OF_C,
                             *(f"-{cell}" for cell in _OF_C)])  # fmt: skip
 _TRUTH_CELLS = {"true", "false"}
-NAMELESS_ARRAY = (
-    "data"  # how the columns of a table without names are called, as those of a .npy: data[0], data[1], ...
-)
+NAMELESS_ARRAY = "data"  # whose elements, data[0], data[1], ..., columns without names are called, as of a .npy
 _EXACT = 2.0**53  # from which a float64 has not every whole number
 _COMMENT = re.compile(r"\s*(#|%|//)[#%/\s]*")
 _UNIT = re.compile(

@@ -175,7 +175,7 @@ def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
             f"{path}: is LeRobot's {cut(version)} with {len(files)} Parquet files below data/chunk-*; versions 2 and 3 "
             "are read, with their files (LeRobot converts older ones)"
         )
-    parts = [read_parquet_table(file) for file in files]
+    parts = [part for file in files for part in read_parquet_table(file)]
     every = dict.fromkeys(name for part in parts for name in part.columns)
     shared = [name for name in every if all(name in part.columns for part in parts)]
     lost = [cut(name) for name in every if name not in shared]

@@ -153,7 +153,8 @@ def synchronise(
     base = found["q_nominal"].places
     names, said = _joint_names(mapping, model, base, sources.streams)
     notes += said
-    nominal = _candidate(base, sources.streams, names)
+    seen = {key: _candidate(own.places, sources.streams, names) for key, own in joints.items()}
+    nominal = seen["q_nominal"]
     units, inferred, assumed, said = joint_units_of(mapping, nominal, model, names)
     notes += said
     streams = sources.read({stream: list(columns) for stream, columns in columns.wanted.items()})
@@ -165,8 +166,7 @@ def synchronise(
         notes += [f"{stream.name}: {note}" for note in stream.notes]
     scaled, jumped = dict[str, Floats](), set[str]()
     for key, own in joints.items():
-        encoder = _candidate(own.places, sources.streams, names)
-        scaled[key] = own.sign * _scale(key, mapping, encoder, nominal, units, inferred or units, notes)
+        scaled[key] = own.sign * _scale(key, mapping, seen[key], nominal, units, inferred or units, notes)
     for key, own in found.items():  # before unwrapping and interpolation
         count = 0
         for j, place in enumerate(own.places if key in (*joints, "pose") else ()):
@@ -200,8 +200,7 @@ def synchronise(
         if f"signal {key}" in found
     }
     for key in [k for k in ("qd", "tau") if k in rows and getattr(mapping, k).optional]:
-        sample = _candidate(joints[key].places, sources.streams, names)
-        if not np.isfinite(sample.ranges if is_piece else rows[key]).any():
+        if not np.isfinite(seen[key].ranges if is_piece else rows[key]).any():
             del rows[key]
     required = {**rows, **{f"signal {key}": values for key, values in further.items()}}
     whole = _whole_rows(required, names, notes)

@@ -45,13 +45,11 @@ class ImuRecording:
 def read_imu(
     path: Path,
     *,
-    topic: str | None = None,  # of a bag with several Imu topics
-    # of a table: three of the accelerometer, and three of the gyroscope if any; inferred from names without
+    topic: str | None = None,
     columns: Sequence[str] = (),
-    time: str | None = None,  # of a table, t_us@us: column and unit; inferred from names and steps when None
-    # (3, 3) each, that accelerometer and gyroscope are multiplied by, to order their axes
+    time: str | None = None,
     matrices: tuple[Floats, Floats] | None = None,
-    has_units: bool = False,  # the matrices make SI of units too; those in names do not count then
+    has_units: bool = False,
 ) -> ImuRecording:
     """Read the samples of an inertial unit.
 

@@ -132,10 +132,9 @@ def read_commands(
         expected = f"a command log has q_des (N, n), q_act (N, n) and ok (N,); {content_in_words(content)}"
         advice = f"; {to_import(path)}" * ("structure" not in content)
         raise FileFormatError(f'{path}: array "{missing}" is missing; {expected}{advice}')
-    _require_rows(path, content, ("q_des", "q_act", "tau", "dq"), ("ok", "t"))
+    sources = _sources(path, content, ("q_des", "q_act", "tau", "dq"), ("ok", "t"))
     mapping = layout_mapping("recording/command_log")
     given = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
-    sources = Sources.of([path], streams_of_arrays(path, content, rows_first=True))
     return synchronise(sources, mapping.model_copy(update=given)).log
 
 
@@ -151,8 +150,7 @@ def read_torques(path: Path, model: RobotModel, *, raw: bool = False, joints: Se
             f"{path}: expected arrays q (N, n) and tau (N, n), and dq, fs or t where the robot moves; "
             f"{content_in_words(content)}; {to_import(path)}"
         )
-    _require_rows(path, content, ("q", *_TORQUES, "dq"), ("t",))
-    sources = Sources.of([path], streams_of_arrays(path, content, rows_first=True))
+    sources = _sources(path, content, ("q", *_TORQUES, "dq"), ("t",))
     mapping = layout_mapping("recording/torque_log", torque=torque)
     n = content["q"].shape[-1] if content["q"].ndim == 2 else 1
     unnamed = joints if n == len(joints) else model.joint_names if n == model.n else nameless(n)
@@ -182,10 +180,10 @@ def with_effort_scale(log: MotionLog, model: RobotModel, scale: Floats) -> Motio
     return replace(log, tau=log.tau * scale[places], notes=(*log.notes, "raw efforts times the robot's effort_scale"))
 
 
-def _require_rows(
+def _sources(
     path: Path, content: Mapping[str, NDArray[Any]], per_joint: Sequence[str], per_row: Sequence[str]
-) -> None:
-    """Refuse arrays of a layout that do not have a row for each of its first one's, and in it a number a joint."""
+) -> Sources:
+    """Open arrays of a layout; each has a row for each of its first one's, and in it a number a joint."""
     first = content[per_joint[0]].shape
     if len(first) != 2:
         raise FileFormatError(f"{path}: {per_joint[0]}: expected shape (N, n), got {first}")
@@ -199,6 +197,7 @@ def _require_rows(
             raise FileFormatError(f"{path}: {name}: expected numbers, got {content[name].dtype}")
         if content[name].shape != shape:
             raise FileFormatError(f"{path}: {name}: expected shape {shape}, got {content[name].shape}")
+    return Sources.of([path], streams_of_arrays(path, content, rows_first=True))
 
 
 def read_raven(paths: Sequence[Path], *, arm: Arm = "gold", columns: Sequence[str] = ()) -> Synchronisation:

@@ -169,8 +169,7 @@ class RecordingMapping(Settings):
     @property
     def clocks(self) -> dict[str, tuple[float, float]]:
         """Return offset [s] and drift of each file's clock; "" stands for any other file."""
-        parts = [(text.rpartition("=")[0], clock_of(text.rpartition("=")[2])) for text in self.clock]
-        return dict(parts)
+        return {name: clock_of(text) for name, _, text in (clock.rpartition("=") for clock in self.clock)}
 
 
 def layout_mapping(layout: str, **words: Any) -> RecordingMapping:
@@ -234,8 +233,7 @@ def _take(option: str, content: dict[str, Any]) -> None:
     columns, _, units = text.rpartition("@") if "@" in text else (text, "", "")
     listed = words_of(columns)
     if quantity == "signal" and found["signal"]:
-        signal = {"columns": listed, "units": units}
-        content.setdefault("signals", {})[found["signal"].strip()] = signal
+        content.setdefault("signals", {})[found["signal"].strip()] = {"columns": listed, "units": units}
     elif quantity in JOINT_QUANTITIES:
         content[quantity] = {"columns": listed, **_units_and_scales(option, units)}
     elif quantity in ("ok", "time"):

@@ -34,11 +34,8 @@ _SETTLING_MOTION = {"rad": 0.5, "m": 0.05}  # to either side: a motion that may 
 _DOUBTFUL_SHARE = 0.05  # of the motion, left by a fit: more than joints' own errors
 _STRAIGHT_S, _MAX_RETIMINGS = 1e-3, 5  # [s] for which a speed goes on; how often poses are read at another time
 _BLIND_EIGENVALUE_SHARE = 1e-9  # of the largest eigenvalue: what no motion of the robot shows
-_LOOKS, _FOLLOWED_LOOKS, _COARSE_POSES = (
-    4_000,
-    6,
-    300,
-)  # directions of a tracker, those followed up, and with how many poses
+# directions of a tracker, those followed up, and with how many poses
+_LOOKS, _FOLLOWED_LOOKS, _COARSE_POSES = 4_000, 6, 300
 _MEDIAN_SIGMAS = 1.538  # of the length of three normal numbers of standard deviation 1
 _OFFSETS = 12  # the first of them among the parameters
 

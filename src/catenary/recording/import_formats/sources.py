@@ -35,9 +35,7 @@ from catenary.recording.messages import current_name
 from catenary.recording.parquet_files import MOST_COLUMNS
 from catenary.topics import SECOND
 
-_SAMPLED_MESSAGES = (
-    1000  # messages of a topic, evenly over the bag, from which its columns, rate and range are inferred
-)
+_SAMPLED_MESSAGES = 1000  # of a topic, evenly over the bag, from which its columns, rate and range are inferred
 _MAX_SAMPLED_BYTES = 65_536  # [B] of a message that is looked at for a proposal: images and clouds are longer
 _BATCH_MESSAGES = 4096
 _MAX_JOINTS = 1000

@@ -85,14 +85,10 @@ def read_text(path: Path) -> list[Stream]:
     return [replace(joined(parts), notes=tuple(text.notes))]
 
 
-def read_npz(path: Path) -> list[Stream]:
-    """Read NumPy's archive of arrays."""
-    return streams_of_arrays(path, read_arrays(path))
-
-
-def read_npy(path: Path) -> list[Stream]:
-    """Read NumPy's array, whose columns are `data[0]`, `data[1]`, ..."""
-    return streams_of_arrays(path, {NAMELESS_ARRAY: read_array(path)})
+def read_numpy(path: Path) -> list[Stream]:
+    """Read NumPy's archive of arrays, or its array, whose columns are `data[0]`, `data[1]`, ..."""
+    is_archive = format_of(path).ending == ".npz"
+    return streams_of_arrays(path, read_arrays(path) if is_archive else {NAMELESS_ARRAY: read_array(path)})
 
 
 def read_gzip_table(path: Path) -> list[Stream]:
@@ -188,13 +184,8 @@ def _texts(path: Path, name: str, values: NDArray[Any]) -> tuple[str, ...]:
         raise InputError(f"{path}: {name}: expected texts in UTF-8: {error}") from error
 
 
-def read_parquet_file(path: Path) -> list[Stream]:
-    """Read Parquet as one stream."""
-    return [read_parquet_table(path)]
-
-
-def read_parquet_table(path: Path) -> Stream:
-    """Read numbers, truth values, stamps and lists of one length."""
+def read_parquet_table(path: Path) -> list[Stream]:
+    """Read numbers, truth values, stamps and lists of one length as one stream."""
 
     def is_number(kind: pa.DataType) -> bool:
         return bool(pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind))
@@ -231,7 +222,7 @@ def read_parquet_table(path: Path) -> Stream:
             units |= dict.fromkeys(columns.keys() - units.keys(), unit)
     if left:
         notes.append(f"columns that hold no numbers were left out: {', '.join(map(cut, left[:10]))}")
-    return _table(path, columns, notes, dates=tuple(dates), units=units)
+    return [_table(path, columns, notes, dates=tuple(dates), units=units)]
 
 
 def read_matlab(path: Path) -> list[Stream]:

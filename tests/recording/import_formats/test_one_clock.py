@@ -7,8 +7,8 @@ import pytest
 
 from catenary.errors import InputError
 from catenary.plant import MotionLog
+from catenary.recording.import_formats.one_clock import clock_by_motion
 from catenary.recording.import_formats.series import Series, TopicReport
-from catenary.recording.import_formats.two_clocks import clock_by_motion
 from catenary.recording.logs import read_log
 from catenary.topics import SECOND
 from catenary.workflows.import_recording import import_recording
