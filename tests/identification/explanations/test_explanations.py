@@ -103,7 +103,8 @@ def test_evidence_of_a_gain_is_that_of_scaled_torques_and_its_jacobian() -> None
     moved.correlated = evidence.correlated
     jacobian = len(evidence.rows) / evidence.correlated @ np.log(np.abs(1.0 / np.array(gains)))
     moved.rows.carried = evidence.rows.carried / np.array(gains)  # by a first fit, of torques as they were
-    moved._grams.clear()
+    for kept in (moved._shown_by, moved._grams, moved._beside):
+        kept.clear()
     assert evidence.log(supposed, 1) == pytest.approx(moved.log(moved.plain, 1) + jacobian, rel=1e-9)
 
 
