@@ -23,7 +23,7 @@ from moving_arm import recorded
 from oracles.geared_arm import ur10_log, write_ur10
 
 OF = {truth.name: truth for truth in TRUTHS}
-QUICK = ("clean UR5e", "8 s", "3 kg on a UR10e", "J3 backwards", "J2 10 deg off", "J3 times 1.25", "mNm", "J2's sign")
+QUICK = ("clean UR5e", "8 s", "J3 times 1.25", "J2's sign")  # the option of others is told only for their cause
 
 
 def samples_of(truth: Truth) -> Samples:

@@ -286,9 +286,8 @@ class Evidence:
             A *= d[:, None] * d
             A.flat[:: p + 1] += 1e-12
             L = lapack.dpotrf(A, lower=1, clean=1)[0]
-            lower = lapack.dpotri(L, lower=1)[0]
-            C = (lower + lower.T) * d[:, None] * d
-            C.flat[:: p + 1] *= 0.5
+            inverse = lapack.dtrtri(L, lower=1)[0] * d
+            C = inverse.T @ inverse
             beta = C @ right
             XXb = XX @ beta
             rss = yy - 2.0 * Xy @ beta + XXb @ beta
