@@ -36,10 +36,8 @@ FIRST = (
     "real time", "tests/view/test_in_browser.py", "tests/identification/explanations/test_explanations.py",
     "tests/real_data/test_identification.py", "tests/test_labs.py", "tests/test_notebooks.py", "tests/verdict/test_check.py",
     "tests/identification/test_identification.py", "tests/test_docs.py", "tests/test_other_systems.py",
-    "tests/calibration/test_extrapolation.py", "tests/sensing/test_shaken_base.py", "tests/contracts/test_transports.py",
-    "tests/cli/test_main.py", "tests/gravity/test_export.py", "tests/identification/test_payload.py",
-    "tests/cli/test_calibrate.py", "tests/cli/test_identify.py", "tests/workflows/robot/test_topic_recorder.py",
-    "tests/cli/test_drift.py", "tests/cli/test_gravity.py", "tests/website/test_site.py",
+    "tests/calibration/test_extrapolation.py", "tests/sensing/test_shaken_base.py", "tests/cli/test_calibrate.py",
+    "tests/cli/test_identify.py", "tests/workflows/robot/test_topic_recorder.py", "tests/website/test_site.py",
 )  # fmt: skip
 # their tests take long each and share nothing: any worker takes one
 APART = ("test_explanations", "test_labs", "test_notebooks")

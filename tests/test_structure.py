@@ -97,9 +97,7 @@ def test_what_a_page_names_exists(page: Path) -> None:
         assert anchor in ["", *(re.sub(r"[^\w -]", "", one.lower()).replace(" ", "-") for one in headings)]
 
 
-@cache
-def python_files() -> list[str]:
-    return [f"/{path}" for room in ("src", "papers", "tests", "examples") for path in (ROOT / room).rglob("*.py")]
+PYTHON = [f"/{path}" for room in ("src", "papers", "tests", "examples") for path in (ROOT / room).rglob("*.py")]
 
 
 @pytest.mark.alike
@@ -107,7 +105,7 @@ def python_files() -> list[str]:
 def test_files_and_names_of_the_package_that_a_page_names_exist(page: Path) -> None:
     text = page.read_text()
     named = [name for name in re.findall(r"[\w/]+\.py\b", text) if not re.fullmatch(OF_OTHERS, name[:-3])]
-    assert [name for name in named if not any(file.endswith(f"/{name.lstrip('/')}") for file in python_files())] == []
+    assert [name for name in named if not any(file.endswith(f"/{name.lstrip('/')}") for file in PYTHON)] == []
     for name in re.findall(r"\bcatenary(?:\.[A-Za-z]\w*)+(?![.\w])", text):
         assert pkgutil.resolve_name(name) is not None, name
 

@@ -212,10 +212,7 @@ def test_a_panda_whose_torques_are_turned_names_the_joints(recordings: Path, joi
 
 def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, psm: Identification) -> None:
     log = log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm_motors")
-    assert log.qd is not None
-    assert log.tau is not None
-    order = [1, 0, *range(2, 7)]
-    mixed = replace(log, q_nominal=log.q_nominal[:, order], qd=log.qd[:, order], tau=log.tau[:, order])
+    mixed = replace(log, **{key: getattr(log, key)[:, [1, 0, *range(2, 7)]] for key in ("q_nominal", "qd", "tau")})
     found = [str(each) for each in findings_against(psm, prepare(mixed, psm.model, psm.options))]
     assert any("q1 and q2 look swapped, all columns" in each for each in found)
 

@@ -259,11 +259,11 @@ class _JointLook:
         )  # blocks follow each other
         columns -= np.repeat(np.add.reduceat(columns, firsts) / counts[:, None], counts, axis=0)
         free, rest = columns[:, : -1 - len(PLAY_RADII)], columns[:, -1 - len(PLAY_RADII) :]
-        free = free / (_lengths(free) + 1e-12)
+        free = free / (np.sqrt(np.einsum("ij,ij->j", free, free)) + 1e-12)  # thrice as fast as NumPy's norm
         gram = free.T @ free + 1e-6 * np.eye(free.shape[1])
         rest = rest - free @ np.linalg.solve(gram, free.T @ rest)
         plays, y = rest[:, :-1], rest[:, -1]
-        plays = plays / (_lengths(plays) + 1e-9 * np.sqrt(len(y)))
+        plays = plays / (np.sqrt(np.einsum("ij,ij->j", plays, plays)) + 1e-9 * np.sqrt(len(y)))
         lower = np.linalg.cholesky(plays.T @ plays + 1e-6 * np.eye(len(PLAY_RADII)))
         left: Floats = y - plays @ nnls(lower.T, np.linalg.solve(lower, plays.T @ y))[0]
         return left
@@ -276,10 +276,6 @@ class _JointLook:
         each = [np.r_[s.mean(), np.bincount(b, s, minlength=_BLOCKS) / n] for s in squares]
         found: Floats = np.log(np.array(each) + _RESOLUTION_DEG_MM**2)
         return found
-
-
-def _lengths(columns: Floats) -> Floats:
-    return np.sqrt(np.einsum("ij,ij->j", columns, columns))  # three times as fast as NumPy's norm
 
 
 def _scan(looks: Sequence[_JointLook], coarse: Floats, step: float) -> tuple[Floats, Floats]:

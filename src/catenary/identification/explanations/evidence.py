@@ -14,6 +14,7 @@ N log |1/g|. The gain is not a regression column of measured torques, which woul
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -145,30 +146,26 @@ class Evidence:
         key = _key(supposed)
         if not supposed.added and not self.rows.has_springs:  # as zeros and gravity change links' columns alone
             key = supposed.signs, supposed.position_order, supposed.shared, supposed.torque_order
-        found, beside, own = _kept(self._beside, key, lambda: self._beside_links(supposed))
-        return side_by_side([links, found]), beside, own
-
-    def _beside_links(self, supposed: Supposed) -> tuple[Floats, Beside, int]:
-        found, beside, own = self.rows.beside(supposed)
+        found, beside, own = _kept(self._beside, key, lambda: self.rows.beside(supposed))
         known, n = self.rows.known, self.model.n
-        if known.any():
-            found = side_by_side([found, known[:, :, None] * np.eye(n)])
-            beside = beside.and_columns([1.0] * n, [_KNOWN_STD] * n)
-        return found, beside, own
+        if not known.any():
+            return side_by_side([links, found]), beside, own
+        beside = beside.and_columns([1.0] * n, [_KNOWN_STD] * n)
+        return side_by_side([links, found, known[:, :, None] * np.eye(n)]), beside, own
 
     def _gram(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats, Floats]:
         """Return the Gram matrix of the columns, their products with torques (n, p), and the torques' squares (n,)."""
-        if extra:
-            return self._products(supposed, *self._joint_columns(supposed, extra))
         key = _key(supposed)
-        return _kept(
-            self._shown_by,
-            (key, supposed.late_s, supposed.turned),
-            lambda: self._products(supposed, *_kept(self._grams, key, lambda: self._joint_columns(supposed))),
-            _KEPT_GRAMS,
-        )
 
-    def _joint_columns(self, supposed: Supposed, extra: Sequence[Extra] = ()) -> tuple[_Gram, Floats]:
+        def shown() -> tuple[_Gram, Floats, Floats]:
+            joint_columns = partial(self._joint_columns, supposed, extra)
+            gram, by_joint = joint_columns() if extra else _kept(self._grams, key, joint_columns)
+            y = self.rows.torques(supposed).T
+            return gram, (y[:, None] @ by_joint)[:, 0], np.sum(y**2, axis=1)
+
+        return shown() if extra else _kept(self._shown_by, (key, supposed.late_s, supposed.turned), shown, _KEPT_GRAMS)
+
+    def _joint_columns(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats]:
         """Return the Gram matrix of the columns, and them by joint (n, N, p)."""
         X, beside, own = self.columns(supposed)
         if extra:
@@ -176,10 +173,6 @@ class Evidence:
             beside = beside.and_columns([term.mean for term in extra], [term.std for term in extra])
         by_joint = np.ascontiguousarray(X.transpose(1, 0, 2))
         return _Gram(by_joint.transpose(0, 2, 1) @ by_joint, beside, own), by_joint
-
-    def _products(self, supposed: Supposed, gram: _Gram, by_joint: Floats) -> tuple[_Gram, Floats, Floats]:
-        y = self.rows.torques(supposed).T
-        return gram, (y[:, None] @ by_joint)[:, 0], np.sum(y**2, axis=1)
 
     def _prior(self, which: int, loads: tuple[int, ...]) -> tuple[Floats, Floats, Floats, float]:
         """Return mean, precision, variances and log determinant of the covariance of the belief's parameters."""
@@ -298,9 +291,10 @@ class Evidence:
         value = -0.5 * np.sum(counted * np.log(2.0 * np.pi * variance)) - 0.5 * w @ yy + 0.5 * right @ beta
         value -= 0.5 * (M @ KM + log_determinant) + float(np.log(np.diag(L)).sum() - np.log(d).sum())
         value += float(np.sum(counted * np.log(np.abs(x))))
-        if (key := (*_key(supposed), which)) not in self._brakes:  # independent of gains
-            self._brakes[key] = self._braking(gram.beside, M, np.diag(variances))
-        value += self._braking(gram.beside, beta, C) - self._brakes[key]
+        before = partial(self._braking, gram.beside, M, np.diag(variances))  # independent of gains
+        value += self._braking(gram.beside, beta, C) - _kept(
+            self._brakes, (*_key(supposed), which), before, _KEPT_GRAMS
+        )
         if self.noise is None:
             value -= 0.5 * _NOISE_DEGREES * float(np.sum(np.log(variance / least**2) + least**2 / variance))
         return float(value), beta, C, rss, size, w
