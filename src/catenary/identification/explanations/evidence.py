@@ -68,7 +68,7 @@ def _key(supposed: Supposed) -> tuple[object, ...]:
 
 
 def _kept(found: dict[object, Found], key: object, make: Callable[[], Found], most: int = _KEPT_COLUMNS) -> Found:
-    """Return what was made for a key; the oldest go where there are more."""
+    """Return the value of a key, made once; the oldest go where there are more."""
     if key not in found:
         found[key] = make()
         if len(found) > most:
