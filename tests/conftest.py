@@ -10,7 +10,6 @@ from hashlib import sha256
 from pathlib import Path
 from shutil import copytree
 from typing import TYPE_CHECKING, Any
-from weakref import WeakSet
 from zlib import crc32
 
 import hypothesis
@@ -32,12 +31,16 @@ IN_REAL_TIME = (
     "test_ros_robot", "test_side_by_side", "test_tools", "test_signals_ros1", "test_hours",
     "test_interrupted_recordings",
 )  # fmt: skip
-# what takes a minute or more comes first: last, it would keep one worker busy and leave the others idle
+# what takes longest comes first: last, it would keep one worker busy and leave the others idle
 FIRST = (
-    "real time", "tests/view/test_in_browser.py", "tests/test_docs.py", "tests/end_to_end/test_without_home.py",
-    "tests/cli/test_calibrate.py", "tests/real_data/test_identification.py", "tests/website/test_site.py",
-    "tests/cli/test_gravity.py", "tests/test_other_systems.py",
+    "real time", "tests/view/test_in_browser.py", "tests/identification/explanations/test_explanations.py",
+    "tests/real_data/test_identification.py", "tests/test_labs.py", "tests/test_notebooks.py", "tests/verdict/test_check.py",
+    "tests/identification/test_identification.py", "tests/test_docs.py", "tests/test_other_systems.py",
+    "tests/calibration/test_extrapolation.py", "tests/sensing/test_shaken_base.py", "tests/cli/test_calibrate.py",
+    "tests/cli/test_identify.py", "tests/workflows/robot/test_topic_recorder.py", "tests/website/test_site.py",
 )  # fmt: skip
+# their tests take long each and share nothing: any worker takes one
+APART = ("test_explanations", "test_labs", "test_notebooks")
 EXAMPLES = int(os.environ.get("EXAMPLES", "25"))  # of each law, and of a hundred cases alike; 100 tries all
 LONGEST_OUTPUT = 200_000  # characters of a test that are kept of each stream
 
@@ -100,6 +103,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 def _of_one_worker(nodeid: str) -> str:
     file = nodeid.split("::", 1)[0]
+    if Path(file).stem in APART:
+        return nodeid
     return "real time" if Path(file).stem in IN_REAL_TIME else file
 
 
@@ -120,7 +125,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put what takes long first, then files of many tests; on workers, leave out most of cases alike."""
     if "PYTEST_XDIST_WORKER" in os.environ:
         items[:] = list(_tried(items))
-    of = {item: _of_one_worker(item.nodeid) for item in items}
+    of = {item: _of_one_worker(item.nodeid).partition("::")[0] for item in items}
     counts = Counter(of.values())
     items.sort(key=lambda item: (FIRST.index(of[item]) if of[item] in FIRST else len(FIRST), -counts[of[item]]))
 
@@ -146,13 +151,13 @@ def _compile_one_at_a_time(folder: Path) -> None:
     """
     from catenary.kernels.compiled import Compiled
 
-    call, called = Compiled.__call__, WeakSet[Compiled]()
+    call = Compiled.__call__
     folder.mkdir(parents=True, exist_ok=True)
 
     def first_call_alone(function: Compiled, *arguments: object) -> object:
-        if function in called:
+        if "was_called" in vars(function):
             return call(function, *arguments)
-        called.add(function)
+        vars(function)["was_called"] = True
         name = f"{function.__module__}.{function.__name__}.lock"
         with (folder / name).open("w") as lock:
             flock(lock, LOCK_EX)

@@ -15,14 +15,14 @@ from catenary.errors import InputError, UnsupportedSystemError
 from catenary.operating_system import elapsed_ns, interrupt, lock, reserve, take_priority
 from catenary.teleop.terminal import RawTerminal
 from other_system import WINDOWS_LACKS
-from test_structure import TREES
+from test_structure import trees
 
 
 def test_one_file_asks_for_what_systems_do_not_have_alike() -> None:
     lacking = {"posixpath", "ntpath"}.union(*(names.split() for names in WINDOWS_LACKS.values()))
     lacking.remove("SIGTSTP")  # which a terminal of single keys sends
     found = set()
-    for name, tree in TREES.items():
+    for name, tree in trees().items():
         for node in ast.walk(tree):
             imported = [str(node.module)] if isinstance(node, ast.ImportFrom) else []
             imported += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []

@@ -6,6 +6,7 @@ import re
 import sys
 import tomllib
 from collections import Counter
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -30,13 +31,15 @@ def test_no_file_is_longer_than_a_concept() -> None:
     assert {name: length for name, length in lengths.items() if length > 600} == {}
 
 
-TREES = {str(path.relative_to(PACKAGE)): ast.parse(path.read_text("utf-8")) for path in FILES}
+@cache
+def trees() -> dict[str, ast.Module]:
+    return {str(path.relative_to(PACKAGE)): ast.parse(path.read_text("utf-8")) for path in FILES}
 
 
 def test_every_file_of_text_is_read_and_written_in_utf8() -> None:
     """Not in the locale's encoding, which LC_ALL=C makes ASCII."""
     found = []
-    for name, tree in TREES.items():
+    for name, tree in trees().items():
         for call in [node for node in ast.walk(tree) if isinstance(node, ast.Call)]:
             told = getattr(call.func, "attr", getattr(call.func, "id", ""))
             words = [one.value for one in call.args if isinstance(one, ast.Constant) and isinstance(one.value, str)]
@@ -52,7 +55,7 @@ def test_no_error_within_our_own_code_is_told_as_one_of_the_users() -> None:
     """What may hide a mistake of ours, such as AttributeError, is caught around others' code or a user's alone."""
     hiding, ours = {"Exception", "AttributeError", "TypeError"}, set(vars(errors))
     found = []
-    for name, tree in TREES.items():
+    for name, tree in trees().items():
         nodes = list(ast.walk(tree))
         own = {node.name for node in nodes if isinstance(node, ast.FunctionDef | ast.ClassDef)}
         imports = [node for node in nodes if isinstance(node, ast.ImportFrom) and "catenary" in str(node.module)]
@@ -94,14 +97,15 @@ def test_what_a_page_names_exists(page: Path) -> None:
         assert anchor in ["", *(re.sub(r"[^\w -]", "", one.lower()).replace(" ", "-") for one in headings)]
 
 
+PYTHON = [f"/{path}" for room in ("src", "papers", "tests", "examples") for path in (ROOT / room).rglob("*.py")]
+
+
 @pytest.mark.alike
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_files_and_names_of_the_package_that_a_page_names_exist(page: Path) -> None:
     text = page.read_text()
-    rooms = ("src", "papers", "tests", "examples")
-    files = [f"/{path}" for room in rooms for path in (ROOT / room).rglob("*.py")]
     named = [name for name in re.findall(r"[\w/]+\.py\b", text) if not re.fullmatch(OF_OTHERS, name[:-3])]
-    assert [name for name in named if not any(file.endswith(f"/{name.lstrip('/')}") for file in files)] == []
+    assert [name for name in named if not any(file.endswith(f"/{name.lstrip('/')}") for file in PYTHON)] == []
     for name in re.findall(r"\bcatenary(?:\.[A-Za-z]\w*)+(?![.\w])", text):
         assert pkgutil.resolve_name(name) is not None, name
 
@@ -137,7 +141,7 @@ _IDIOMS = ("told", "anew", "as they come", "lie behind", "lies behind", "what li
 
 def test_a_docstring_begins_with_what_is_returned() -> None:
     functions = [
-        (name, node) for name, tree in TREES.items() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
+        (name, node) for name, tree in trees().items() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
     ]
     weak = [f"{n}:{f.name}" for n, f in functions if _WEAK_FIRST_LINE.match(ast.get_docstring(f) or "")]
     assert weak == []
@@ -147,7 +151,7 @@ def test_functions_that_other_rooms_import_state_their_arguments() -> None:
     """Commands' arguments are their options, which have a help each."""
     imported = {
         alias.name
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("catenary.")
         if node.module.split(".")[1] != name.split("/")[0]
@@ -155,7 +159,7 @@ def test_functions_that_other_rooms_import_state_their_arguments() -> None:
     }
     silent = [
         f"{name}:{node.name}"
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         if not name.startswith("cli/")
         for node in tree.body
         if isinstance(node, ast.FunctionDef) and node.name in imported and not node.name.startswith("_")
@@ -167,7 +171,7 @@ def test_functions_that_other_rooms_import_state_their_arguments() -> None:
 
 
 def test_names_and_prose_are_the_fields() -> None:
-    nodes = [(name, node) for name, tree in TREES.items() for node in ast.walk(tree)]
+    nodes = [(name, node) for name, tree in trees().items() for node in ast.walk(tree)]
     loops = [node for _, node in nodes if isinstance(node, ast.For | ast.comprehension)]
     assert [node for node in loops if isinstance(node.target, ast.Name) and node.target.id == "each"] == []
     found = {

@@ -305,6 +305,7 @@ def size(torques):
     return np.sqrt(np.mean(torques**2, axis=0))
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize("angle", ["1.5708", "1.570796", "1.571", "1.57"])
 @pytest.mark.parametrize("inside", ["", '<dynamics damping="1" friction="1"/>'])
 def test_gravity_of_an_arm_whose_file_rounds_angles_is_as_true_as_plain_least_squares(tmp_path, angle, inside):

@@ -10,7 +10,7 @@ import pytest
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.cable_loops import cable_loops
-from catenary.identification.explanations.findings import torque_findings
+from catenary.identification.explanations.findings import findings_against, torque_findings
 from catenary.identification.identification import Identification, identify, identify_samples
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
@@ -210,18 +210,11 @@ def test_a_panda_whose_torques_are_turned_names_the_joints(recordings: Path, joi
     assert finding.joints == tuple(panda.joint_names[j] for j in joints)
 
 
-def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, tmp_path: Path) -> None:
+def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, psm: Identification) -> None:
     log = log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm_motors")
-    order = [1, 0, *range(2, 7)]
-    mixed = tmp_path / "mixed.npz"
-    assert log.qd is not None
-    assert log.tau is not None
-    np.savez(mixed, q=log.q_nominal[:, order], dq=log.qd[:, order], tau=log.tau[:, order], fs=200.0)
-    result = identify_files(
-        [dvrk / "psm_one.npz"], "dvrk_psm_motors", IdentifyOptions(), tests=[mixed], accept=("swapped",)
-    )
-    assert result.identification.tests[0].verdict != "holds"
-    assert any("mixed: accepted swapped: q1, q2: q1 and q2 look swapped, all columns" in note for note in result.notes)
+    mixed = replace(log, **{key: getattr(log, key)[:, [1, 0, *range(2, 7)]] for key in ("q_nominal", "qd", "tau")})
+    found = [str(each) for each in findings_against(psm, prepare(mixed, psm.model, psm.options))]
+    assert any("q1 and q2 look swapped, all columns" in each for each in found)
 
 
 def test_lost_motion_of_a_da_vinci_tool_is_that_of_its_torque(recordings: Path) -> None:

@@ -50,7 +50,7 @@ SCALE, SWAP, FLIP = 1.1 * np.eye(3), np.eye(3)[[1, 0, 2]], np.diag([1.0, -1.0, 1
         (ROCKING, FAR, np.eye(3), np.degrees(np.eye(3)), 0.1),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.alike)])
 def test_a_sensor_that_changes_on_the_way_is_told_and_hardly_ever_live_and_wrong(
     turns, place, accelerometer, gyroscope, within, seed
 ):

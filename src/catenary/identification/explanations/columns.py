@@ -114,6 +114,7 @@ class Rows:
         size = np.sqrt(np.mean(self.measured[self.at] ** 2, axis=0))
         self.size = np.maximum(size, _LEAST_TORQUE * max(float(size.max()), 1e-12))  # (n,) [Nm or N]
         self.parameters = Parameters(model, "static" if self.still else "full")
+        self.has_springs = any(term.kind == "spring" for term in self.parameters.actuation)
         self.carried = np.zeros_like(self.known)  # (N, n) what links ask, by a first fit; measured, it explains itself
         self._friction: dict[tuple[object, ...], Floats] = {}
 
@@ -163,8 +164,7 @@ class Rows:
     def term_loads(self, supposed: Supposed) -> Floats:
         """Return the loads (N, t) of the robot file's friction, rotors and springs, as friction remembers its path."""
         terms = self.parameters.actuation
-        springs = any(term.kind == "spring" for term in terms)
-        key = (supposed.signs, supposed.position_order, supposed.zeros if springs else ())
+        key = (supposed.signs, supposed.position_order, supposed.zeros if self.has_springs else ())
         if key not in self._friction:
             order, sign = list(supposed.position_order), np.array(supposed.signs)
             few = self.samples.rows(np.isin(np.arange(len(self.samples)), self.at), self.samples.name)

@@ -14,7 +14,8 @@ N log |1/g|. The gain is not a regression column of measured torques, which woul
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import partial
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.linalg import lapack
@@ -27,6 +28,7 @@ from catenary.identification.explanations.columns import Added, Beside, Rows, Su
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 
+Found = TypeVar("Found")
 _ROWS = 240
 _KNOWN_STD = 1e-4  # standard deviation of the factor, 1, on known torques
 _COARSE = 0.04  # relative error of every model's torque
@@ -64,6 +66,15 @@ def _key(supposed: Supposed) -> tuple[object, ...]:
     return *supposed.motion, supposed.added, supposed.torque_order
 
 
+def _kept(found: dict[object, Found], key: object, make: Callable[[], Found], most: int = _KEPT_COLUMNS) -> Found:
+    """Return the value of a key, made once; the oldest go where there are more."""
+    if key not in found:
+        found[key] = make()
+        if len(found) > most:
+            del found[next(iter(found))]
+    return found[key]
+
+
 class _Gram(NamedTuple):
     XX: Floats  # (n, p, p)
     beside: Beside
@@ -88,9 +99,10 @@ class Evidence:
         self.belief = belief_of_file(model) if belief is None else belief
         self.model, self.rows = model, Rows(model, samples, rows, identified=self.belief.identified)
         self.plain = nothing_supposed(model.n)
-        self._grams: dict[object, _Gram] = {}
+        self._shown_by: dict[object, tuple[_Gram, Floats, Floats]] = {}  # of columns and torques
+        self._grams: dict[object, tuple[_Gram, Floats]] = {}
+        self._beside: dict[object, tuple[Floats, Beside, int]] = {}
         self._brakes: dict[object, float] = {}
-        self._columns: dict[object, Floats] = {}
         self._priors: dict[object, tuple[Floats, Floats, Floats, float]] = {}
         self._links: dict[object, Floats] = {}
         self.noise = noise
@@ -129,40 +141,37 @@ class Evidence:
 
     def columns(self, supposed: Supposed) -> tuple[Floats, Beside, int]:
         """Return the regressor (N, n, p), the prior of columns other than the links', and the count of file's terms."""
-        key = supposed.motion
-        if key not in self._links:
-            links = self.rows.links(supposed)
-            if len(self._links) > _KEPT_COLUMNS:
-                self._links.clear()
-            self._links[key] = links
-        links = self._links[key]
-        found, beside, own = self.rows.beside(supposed)
-        known = self.rows.known
-        if known.any():
-            n = self.model.n
-            found = side_by_side([found, known[:, :, None] * np.eye(n)])
-            beside = beside.and_columns([1.0] * n, [_KNOWN_STD] * n)
-        return side_by_side([links @ self.rows.shown, found]), beside, own
+        links = _kept(self._links, supposed.motion, lambda: self.rows.links(supposed) @ self.rows.shown)
+        key = _key(supposed)
+        if not supposed.added and not self.rows.has_springs:  # as zeros and gravity change links' columns alone
+            key = supposed.signs, supposed.position_order, supposed.shared, supposed.torque_order
+        found, beside, own = _kept(self._beside, key, lambda: self.rows.beside(supposed))
+        known, n = self.rows.known, self.model.n
+        if not known.any():
+            return side_by_side([links, found]), beside, own
+        beside = beside.and_columns([1.0] * n, [_KNOWN_STD] * n)
+        return side_by_side([links, found, known[:, :, None] * np.eye(n)]), beside, own
 
     def _gram(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats, Floats]:
         """Return the Gram matrix of the columns, their products with torques (n, p), and the torques' squares (n,)."""
         key = _key(supposed)
-        if key not in self._grams or key not in self._columns or extra:
-            X, beside, own = self.columns(supposed)
-            if extra:
-                X = side_by_side([X, np.stack([term.column for term in extra], axis=2)])
-                beside = beside.and_columns([term.mean for term in extra], [term.std for term in extra])
-            by_joint = np.ascontiguousarray(X.transpose(1, 0, 2))
-            gram = _Gram(by_joint.transpose(0, 2, 1) @ by_joint, beside, own)
-            if not extra:
-                for kept, most in ((self._grams, _KEPT_GRAMS), (self._columns, _KEPT_COLUMNS)):
-                    if len(kept) > most:
-                        kept.clear()
-                self._grams[key], self._columns[key] = gram, by_joint
-        else:
-            gram, by_joint = self._grams[key], self._columns[key]
-        y = self.rows.torques(supposed).T
-        return gram, (y[:, None] @ by_joint)[:, 0], np.sum(y**2, axis=1)
+
+        def shown() -> tuple[_Gram, Floats, Floats]:
+            joint_columns = partial(self._joint_columns, supposed, extra)
+            gram, by_joint = joint_columns() if extra else _kept(self._grams, key, joint_columns)
+            y = self.rows.torques(supposed).T
+            return gram, (y[:, None] @ by_joint)[:, 0], np.sum(y**2, axis=1)
+
+        return shown() if extra else _kept(self._shown_by, (key, supposed.late_s, supposed.turned), shown, _KEPT_GRAMS)
+
+    def _joint_columns(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats]:
+        """Return the Gram matrix of the columns, and them by joint (n, N, p)."""
+        X, beside, own = self.columns(supposed)
+        if extra:
+            X = side_by_side([X, np.stack([term.column for term in extra], axis=2)])
+            beside = beside.and_columns([term.mean for term in extra], [term.std for term in extra])
+        by_joint = np.ascontiguousarray(X.transpose(1, 0, 2))
+        return _Gram(by_joint.transpose(0, 2, 1) @ by_joint, beside, own), by_joint
 
     def _prior(self, which: int, loads: tuple[int, ...]) -> tuple[Floats, Floats, Floats, float]:
         """Return mean, precision, variances and log determinant of the covariance of the belief's parameters."""
@@ -269,9 +278,8 @@ class Evidence:
             A *= d[:, None] * d
             A.flat[:: p + 1] += 1e-12
             L = lapack.dpotrf(A, lower=1, clean=1)[0]
-            lower = lapack.dpotri(L, lower=1)[0]
-            C = (lower + lower.T) * d[:, None] * d
-            C.flat[:: p + 1] *= 0.5
+            inverse = lapack.dtrtri(L, lower=1)[0] * d
+            C = inverse.T @ inverse
             beta = C @ right
             XXb = XX @ beta
             rss = yy - 2.0 * Xy @ beta + XXb @ beta
@@ -282,9 +290,10 @@ class Evidence:
         value = -0.5 * np.sum(counted * np.log(2.0 * np.pi * variance)) - 0.5 * w @ yy + 0.5 * right @ beta
         value -= 0.5 * (M @ KM + log_determinant) + float(np.log(np.diag(L)).sum() - np.log(d).sum())
         value += float(np.sum(counted * np.log(np.abs(x))))
-        if (key := (*_key(supposed), which)) not in self._brakes:  # independent of gains
-            self._brakes[key] = self._braking(gram.beside, M, np.diag(variances))
-        value += self._braking(gram.beside, beta, C) - self._brakes[key]
+        before = partial(self._braking, gram.beside, M, np.diag(variances))  # independent of gains
+        value += self._braking(gram.beside, beta, C) - _kept(
+            self._brakes, (*_key(supposed), which), before, _KEPT_GRAMS
+        )
         if self.noise is None:
             value -= 0.5 * _NOISE_DEGREES * float(np.sum(np.log(variance / least**2) + least**2 / variance))
         return float(value), beta, C, rss, size, w
@@ -292,14 +301,10 @@ class Evidence:
     def _braking(self, beside: Beside, mean: Floats, covariance: Floats) -> float:
         """Return the sum over joints of the log probability that friction dissipates power."""
         tail = len(mean) - len(beside.power)
-        total = 0.0
-        for i in range(self.model.n):
-            of = np.flatnonzero((beside.joint == i) & (beside.power != 0.0))
-            if len(of):
-                power, at = beside.power[of], of + tail
-                std = np.sqrt(power @ covariance[np.ix_(at, at)] @ power)
-                total += float(np.logaddexp(log_ndtr(power @ mean[at] / std), _DRIVING_LOG))
-        return total
+        powers = np.where(beside.joint == np.arange(self.model.n)[:, None], beside.power, 0.0)
+        powers = powers[powers.any(axis=1)]
+        stds = np.sqrt(np.sum(powers @ covariance[tail:, tail:] * powers, axis=1))
+        return float(np.sum(np.logaddexp(log_ndtr(powers @ mean[tail:] / stds), _DRIVING_LOG)))
 
     def _correlation(self) -> Floats:
         """Return the number of correlated rows (n,) that count as one, from the residual of the widest fit."""
@@ -316,7 +321,7 @@ class Evidence:
             ends = np.flatnonzero(share < 0.05)
             times.append(1.0 + 2.0 * float(share[1 : ends[0] if len(ends) else None].sum()))
         self.rows.carried = X[:, :, : self.shown] @ fit.beta[: self.shown]
-        self._grams.clear()
-        self._brakes.clear()
+        for kept in (self._shown_by, self._grams, self._beside, self._brakes):
+            kept.clear()
         coarse = np.array(times) * (1.0 + (fit.relative / _COARSE) ** 2)
         return np.clip(coarse, 1.0, max(1.0, len(left) / _LEAST_INDEPENDENT))
