@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from catenary.crtk.inbox import Subscription
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import codec, message_class
+from catenary.crtk.message_queues import Subscription
 from catenary.crtk.message_values import command_message
 from catenary.crtk.serving.server import Server
 from catenary.crtk.topic_names import console_topics, crtk_topics, find_topic

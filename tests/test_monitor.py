@@ -3,7 +3,7 @@ import pytest
 
 from catenary.monitor import EventRate, Snapshot, monitor_lines, plain_line
 from catenary.plant import OperatingState
-from catenary.sensing.vector import tilted_gravity
+from catenary.sensing.gravity_vector import tilted_gravity
 
 FINE = Snapshot(
     1.0, ("a", "b"), ("rad", "m"), np.array([0.5, 0.1]), np.array([0.5, 0.1]), gravity=np.array([0.0, 0.0, -9.81]),

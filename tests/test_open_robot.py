@@ -15,11 +15,11 @@ from catenary.nodes.serve import Serving
 from catenary.open_robot import KINDS, OverTopics, Simulated, open_robot, tilted_base
 from catenary.plant import require_ready
 from catenary.robots.catalog import RAVEN_SIDES, load_robot
-from catenary.sensing.vector import tilted_gravity
+from catenary.sensing.gravity_vector import tilted_gravity
 from catenary.simulation.joint_hardware import JointHardware
+from catenary.workflows.gravity_trials import simulated_arm
 from catenary.workflows.robot.operated_robot import operated_robot
 from catenary.workflows.robot.operator_motion import go_to_joints
-from catenary.workflows.trials import simulated_arm
 from oracles.cable_arms import homed_plant
 from oracles.crtk_robot import RobotOnLoopback, robot_over
 

@@ -30,8 +30,8 @@ from catenary.control.loop import Tick, run_loop
 from catenary.control.pd import GravityHold, JointPD
 from catenary.errors import InputError
 from catenary.plant import Plant
+from catenary.workflows.gravity_trials import HOLD_START, SimulatedArm, hold_arm, raven_arm, with_approach
 from catenary.workflows.project.calibrate import POSITIONING_INPUTS
-from catenary.workflows.trials import HOLD_START, SimulatedArm, hold_arm, raven_arm, with_approach
 from papers.beyond import tilted_calibration as tilted
 from papers.beyond.tilted_calibration import BASES, LEVEL_BASE, ROCKING, homed_level, put_on
 from papers.calibration.recordings import SPARSITIES, calibration_log, draws, fitted

@@ -30,12 +30,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary import BaseMotion, gravity_torque, inverse_dynamics, load_robot, mass_matrix
 from catenary.arrays import Floats
+from catenary.sensing.gravity_vector import Mailbox
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
-from catenary.workflows.trials import RAVEN_START, raven_gains, raven_motor_inertia
+from catenary.workflows.gravity_trials import RAVEN_START, raven_gains, raven_motor_inertia
 from papers.gravity.raven_base import Z0, raven_of_2014, turned_base
 
 Complexes = NDArray[np.complexfloating[Any, Any]]

@@ -24,13 +24,13 @@ from catenary.control.controllers import make_controller
 from catenary.control.loop import Tick
 from catenary.control.loop_report import GravityReport, LoopReport
 from catenary.errors import SensorError
-from catenary.sensing.fallbacks import FALLBACKS
+from catenary.sensing.fallback_kinds import FALLBACKS
+from catenary.sensing.gravity_vector import Mailbox
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import Mailbox
 from catenary.simulation.sensors import FAULT_KINDS, InjectedFault, SimulatedSensor
 from catenary.trajectories.reference import Rest
 from catenary.trajectories.smoothed_path import SmoothedPath
-from catenary.workflows.trials import RAVEN_START, raven_arm, with_approach
+from catenary.workflows.gravity_trials import RAVEN_START, raven_arm, with_approach
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base

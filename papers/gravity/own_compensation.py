@@ -24,7 +24,7 @@ from catenary.arrays import Floats
 from catenary.control.controllers import make_controller
 from catenary.simulation.firmware import NOMINAL_GRAV_DIR, grav_dir_of
 from catenary.trajectories.reference import Rest
-from catenary.workflows.trials import raven_arm, with_approach
+from catenary.workflows.gravity_trials import raven_arm, with_approach
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
 from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base

@@ -29,7 +29,7 @@ from catenary.arrays import Floats
 from catenary.control.controllers import HOLDS, make_controller
 from catenary.control.loop import GravitySource
 from catenary.spatial import LEVEL
-from catenary.workflows.trials import HOLD_START, SimulatedArm, hold_arm, raven_arm, rigid_arm
+from catenary.workflows.gravity_trials import HOLD_START, SimulatedArm, hold_arm, raven_arm, rigid_arm
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Run, Scope, TitledTable, run
 from papers.figures import COLORS, legend_above, panels
 from papers.gravity.raven_base import SHOWN, raven_of_2014, rocking_base, turned_base

@@ -7,9 +7,9 @@ import numpy as np
 
 from catenary import FixedBase
 from catenary.arrays import frozen
-from catenary.sensing.checks import Fault
+from catenary.sensing.gravity_vector import GravityReading, ReadingStatus
+from catenary.sensing.imu_faults import Fault
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import GravityReading, ReadingStatus
 from catenary.simulation.base_motion import MovingBase, RockingBase
 from catenary.simulation.cable_parameters import RAVEN2_STIFF, CableArm, load_cable_arm
 from catenary.simulation.sensors import SensorModel

@@ -21,9 +21,9 @@ from scipy.spatial.transform import Rotation
 
 from catenary import BaseMotion, RobotModel, inverse_dynamics, load_robot
 from catenary.arrays import Floats
+from catenary.sensing.gravity_vector import Mailbox
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import LEVEL

@@ -31,7 +31,7 @@ from catenary.control.loop import GravitySource, Tick
 from catenary.control.pd import SplitController
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import Rest
-from catenary.workflows.trials import SimulatedArm, raven_arm, with_approach
+from catenary.workflows.gravity_trials import SimulatedArm, raven_arm, with_approach
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import COLORS, LABELS, legend_above, panels
 from papers.gravity.published import FIGURE_7_DEG, LARGEST_BASE_DEG

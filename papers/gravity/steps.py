@@ -24,13 +24,13 @@ from catenary import CablePlant, go_to, run_loop
 from catenary.arrays import Floats
 from catenary.control.controllers import make_controller
 from catenary.control.loop import GravitySource, Tick
+from catenary.sensing.gravity_vector import Mailbox
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import Mailbox
 from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.sensors import SimulatedSensor
 from catenary.spatial import LEVEL
 from catenary.trajectories.reference import InTurn, Rest, Trajectory
-from catenary.workflows.trials import RAVEN_START, raven_arm, with_approach
+from catenary.workflows.gravity_trials import RAVEN_START, raven_arm, with_approach
 from papers.experiment import Case, Experiment, Outcomes, Plain, Report, Result, Scope, run
 from papers.figures import COLORS, LABELS, panels
 from papers.gravity.raven_base import Z0, TrueAttitude, raven_of_2014, turned_base

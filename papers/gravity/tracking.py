@@ -22,16 +22,16 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.gravity.estimator import GravityEstimator, RecursiveGravityEstimator
 from catenary.robots.model import RobotModel
-from catenary.sensing.checks import Fault
+from catenary.sensing.gravity_vector import FixedGravity, GravityReading, Mailbox, ReadingStatus
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import FixedGravity, GravityReading, Mailbox, ReadingStatus
+from catenary.sensing.imu_faults import Fault
 from catenary.simulation.base_motion import MovingBase
 from catenary.simulation.cable_parameters import CableArm
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 from catenary.trajectories.cartesian import CYCLES, CartesianSinusoids
 from catenary.trajectories.reference import SampledTrajectory, Trajectory
-from catenary.workflows.trials import RAVEN_START, SimulatedArm, raven_arm, track
+from catenary.workflows.gravity_trials import RAVEN_START, SimulatedArm, raven_arm, track
 from papers.experiment import Result, run
 from papers.gravity.raven_base import ASIDE, SHOWN, TrueAttitude, ideal_sensor, raven_of_2014, rocking_base, turned_base
 

@@ -14,7 +14,7 @@ from scipy.ndimage import uniform_filter1d
 from catenary import CablePlant
 from catenary.arrays import Floats
 from catenary.simulation.cable_parameters import CableArm, Firmware
-from catenary.simulation.records import POSITIONING
+from catenary.simulation.compiled_records import POSITIONING
 from catenary.simulation.simulated_plant import PERIOD
 from papers.calibration.recordings import START
 

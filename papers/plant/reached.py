@@ -17,7 +17,7 @@ from catenary.control.gains import gains_at_joints
 from catenary.control.loop import Tick
 from catenary.control.pd import Damping
 from catenary.simulation.cable_parameters import RAVEN2, RAVEN2_STIFF, CableArm, Firmware, load_cable_arm
-from catenary.simulation.records import POSITIONING
+from catenary.simulation.compiled_records import POSITIONING
 from catenary.spatial import LEVEL
 from catenary.trajectories.smoothed_path import BrokenLine, SmoothedPath
 from papers.calibration.inputs import SIXTEEN

@@ -6,7 +6,7 @@ import numpy as np
 
 from catenary import RobotModel, compact_regressor, gravity_regressor, load_robot
 from catenary.arrays import Floats
-from catenary.gravity import written_terms as formulas
+from catenary.gravity import symbolic_regressor as formulas
 from catenary.gravity.compact_regressor import (
     _DOWN,
     CompactRegressor,

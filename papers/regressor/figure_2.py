@@ -18,8 +18,8 @@ import numpy as np
 
 from catenary import RobotModel, compact_regressor, gravity_regressor
 from catenary.arrays import Floats
-from catenary.dynamics.lines import new_terms, placed
 from catenary.dynamics.recursion import Vector, cross, dot, put, row, times, transpose_times
+from catenary.dynamics.symbolic import new_terms, placed
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line
 from catenary.robots.catalog import load_robot, robot_names

@@ -32,7 +32,7 @@ from catenary.simulation.base_motion import FixedBase
 from catenary.spatial import LEVEL
 from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.trajectories.zigzag import zigzag
-from catenary.workflows.trials import raven_arm
+from catenary.workflows.gravity_trials import raven_arm
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.gravity.raven_base import raven_of_2014

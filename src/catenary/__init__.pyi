@@ -54,9 +54,9 @@ from catenary.recording.logs import read_log as read_log
 from catenary.recording.logs import write_parquet as write_parquet
 from catenary.reports.robot_plot import plot as plot
 from catenary.robots.catalog import load_robot as load_robot
-from catenary.robots.cut import cut_arm as cut_arm
-from catenary.robots.cut import lock_joints as lock_joints
 from catenary.robots.model import RobotModel as RobotModel
+from catenary.robots.submodels import cut_arm as cut_arm
+from catenary.robots.submodels import lock_joints as lock_joints
 from catenary.robots.urdf import load_xacro as load_xacro
 from catenary.sensing.tool_compensation import ToolCompensation as ToolCompensation
 from catenary.sensing.wrist_tool import fit_wrist_tool as fit_wrist_tool

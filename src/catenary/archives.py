@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from catenary.documents import cut, no_file, reading, shortened
+from catenary.bounded_parsers import cut, no_file, reading, shortened
 from catenary.errors import FileFormatError
 
 # [B] that any file may unpack to, as numbers of 8 bytes; a longer one to MAX_UNPACKED_RATIO times its length

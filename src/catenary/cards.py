@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats
-from catenary.documents import json_table
+from catenary.bounded_parsers import json_table
 from catenary.errors import FileFormatError
 from catenary.files import card_path, card_text, damage, written_whole
 

@@ -13,7 +13,7 @@ from typing import Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from catenary.documents import MOST_TOML, cut, json_value, read_bounded, shortened, toml_table
+from catenary.bounded_parsers import MOST_TOML, cut, json_value, read_bounded, shortened, toml_table
 from catenary.errors import ConfigError, FileFormatError
 
 _MAX_PROBLEMS = 10  # reported of one file at once

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Floats
 from catenary.plant import OperatingState
-from catenary.sensing.vector import tilt_of
+from catenary.sensing.gravity_vector import tilt_of
+from catenary.terminal_text import range_bar, visible
 from catenary.units import DISPLAY, in_words
-from catenary.visible import range_bar, visible
 
 _LIMIT_MARGINS = {"rad": np.deg2rad(2.0), "m": 0.005}  # from a limit
 _STALE_GRAVITY_S = 0.1  # [s], as old as the gravity estimator lets a reading be before it calls it stale

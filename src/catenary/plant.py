@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, frozen, without_missing
 from catenary.errors import InputError, NotReadyError, UnsupportedCommandError
 from catenary.tables import OnScreen, Screen, Table
+from catenary.terminal_text import visible
 from catenary.units import shown_rows
-from catenary.visible import visible
 
 _JOINT_UNITS = ("rad", "m")
 # a gap is a time step longer than so many median steps, and than twice this quantile of steps, so that messages in

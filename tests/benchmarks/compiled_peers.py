@@ -16,8 +16,8 @@ import pinocchio
 
 from catenary import RobotModel
 from catenary.arrays import Floats
-from catenary.dynamics.lines import new_terms
 from catenary.dynamics.recursion import gravity_recursion, place_joints
+from catenary.dynamics.symbolic import new_terms
 
 SOURCE = """\
 #include <pinocchio/fwd.hpp>

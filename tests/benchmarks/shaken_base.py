@@ -6,9 +6,9 @@ from collections import Counter
 
 import numpy as np
 
+from catenary.sensing.gravity_vector import Kind, Mailbox
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Kind, Mailbox
 from oracles.shaken_imu import BASELINES, Shaken, X, Y, Z, begun, rock, spin
 
 SECONDS, FROM = 30.0, 1.0  # [s]

@@ -13,8 +13,8 @@ from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
+from catenary.parallel import Progress
 from catenary.plant import MotionLog
-from catenary.side_by_side import Progress
 from recordings import data_of, fitted, recording
 
 

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.plant import MotionLog
-from catenary.verdict.mend import Mend, left_out_rows
+from catenary.verdict.corrections import Mend, left_out_rows
 from tests.verdict.test_delay import cable_arm
 
 LINEAR = FitOptions(kind="linear")

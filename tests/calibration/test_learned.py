@@ -9,10 +9,10 @@ from numpy.testing import assert_allclose
 from catenary import CablePlant, random_sinusoids, record_simulated, zigzag
 from catenary.calibration.calibration import fit as fit_calibration
 from catenary.calibration.dataset import calibration_data
+from catenary.calibration.feature_terms import Terms
 from catenary.calibration.learned import GROUPS
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.predictors import Expansion
-from catenary.calibration.terms import Terms
 from drawn_arms import baselines
 from hysteretic_arm import play
 from oracles.calibration_models import expanded, random_expansion

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from catenary import __version__
 from catenary.cli import main as main_module
 from catenary.cli.main import GROUPS, Commands, app
-from catenary.visible import ClosedOutput, VisibleStream
+from catenary.terminal_text import ClosedOutput, VisibleStream
 from command_line import catenary, in_its_own_process
 
 COMMANDS = [name for names in GROUPS.values() for name in names]

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot
-from catenary.view import page_process, simulated
+from catenary.view import page_process, simulated_arm
 from command_line import catenary, refusal
 
 
@@ -35,7 +35,7 @@ def test_ctrl_c_is_the_usual_end(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(simulated.DrivenArm, "run", interrupted)
+    monkeypatch.setattr(simulated_arm.DrivenArm, "run", interrupted)
     assert catenary("view", "two_link", "--port", 18091).code == 0
 
 
@@ -48,7 +48,7 @@ def test_browser_is_opened_where_it_is_asked_for_and_not_from_a_pipe(
 ) -> None:
     opened: list[str] = []
     monkeypatch.setattr(webbrowser, "open", opened.append)
-    monkeypatch.setattr(simulated.DrivenArm, "run", lambda *_: None)
+    monkeypatch.setattr(simulated_arm.DrivenArm, "run", lambda *_: None)
     monkeypatch.setenv("DISPLAY", screen)
     assert catenary("view", "two_link", "--port", 18092, *option).code == 0
     assert opened == [no_page] * expected

@@ -26,7 +26,7 @@ from catenary.plant import AT_REST, JointState
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.trajectories.reference import Reference, Rest
-from catenary.workflows.trials import simulated_arm
+from catenary.workflows.gravity_trials import simulated_arm
 from compilations import compilations
 
 N = 3

@@ -18,7 +18,7 @@ from scipy.io import savemat
 from catenary.cli import out_files
 from catenary.file_formats import FORMATS, FileFormat, format_named, format_of
 from catenary.plant import MotionLog
-from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.recording_files import Sources
 from catenary.recording.journal import JournalTopic, JournalWriter
 from catenary.recording.logs import read_log, write_parquet
 from catenary.recording.messages import ros2_name, typestore

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from catenary.control.loop import GravitySource
-from catenary.sensing.fallbacks import FALLBACKS
+from catenary.sensing.fallback_kinds import FALLBACKS
+from catenary.sensing.gravity_vector import FixedGravity, Mailbox, ReadingStatus, tilted_gravity
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import FixedGravity, Mailbox, ReadingStatus, tilted_gravity
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 

@@ -9,7 +9,7 @@ import pytest
 from catenary.devices.accelerometer import SerialAccelerometer
 from catenary.devices.encoder_board import EncoderBoard, EncoderRig
 from catenary.errors import SensorError
-from catenary.sensing.vector import Mailbox
+from catenary.sensing.gravity_vector import Mailbox
 from oracles.simulated_board import SimulatedBoard
 from oracles.simulated_encoders import SimulatedEncoders
 from patience import PATIENCE, until

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.inbox import Received, Subscription
 from catenary.crtk.message import CDR, header, message_class
+from catenary.crtk.message_queues import Received, Subscription
 from catenary.crtk.network import BY_ROS2, CARRIERS, TRANSPORTS
 from catenary.crtk.transport import Publisher, Transport
 from catenary.errors import CatenaryError, InputError, MissingPackageError, NotReadyError, TransportError

@@ -15,10 +15,10 @@ from catenary.control.loop_report import LoopReport
 from catenary.control.pd import JointPD
 from catenary.errors import InputError, LimitError, NotReadyError, SensorError, UnsupportedCommandError
 from catenary.plant import JointState, OperatingState
-from catenary.sensing.checks import Fault
+from catenary.sensing.gravity_vector import GravityReading, Mailbox, ReadingStatus
 from catenary.sensing.imu import SensedGravity
+from catenary.sensing.imu_faults import Fault
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import GravityReading, Mailbox, ReadingStatus
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 from catenary.trajectories.reference import Reference, Rest

@@ -5,7 +5,7 @@ from catenary.crtk.gravity_topic import _ACCEL, _IMU, _VECTOR, GravityTopic
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
 from catenary.errors import InputError
-from catenary.sensing.vector import Kind, Mailbox
+from catenary.sensing.gravity_vector import Kind, Mailbox
 from catenary.topics import SECOND
 from oracles.ticking_clock import SetClock
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from catenary.errors import CatenaryError
-from catenary.gravity.mass_doubts import mass_doubts
+from catenary.gravity.mass_plausibility import mass_doubts
 from catenary.robots.actuation import joint_drives
 from catenary.robots.catalog import load_robot
 

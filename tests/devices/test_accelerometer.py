@@ -23,8 +23,8 @@ from catenary.devices.accelerometer import (
 )
 from catenary.devices.serial_board import LineSplitter
 from catenary.errors import InputError, SensorError
+from catenary.sensing.gravity_vector import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Kind, Mailbox
 from oracles.simulated_board import SimulatedBoard, framed
 from patience import PATIENCE, until
 

@@ -7,7 +7,7 @@ from matplotlib.mathtext import MathTextParser
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError, MissingInertiaError
-from catenary.gravity import written_terms
+from catenary.gravity import symbolic_regressor
 from catenary.gravity.compact_regressor import compact_regressor, gravity_latex
 from catenary.gravity.gravity_regressor import gravity_parameters, gravity_regressor
 from catenary.gravity.torque import gravity_torque
@@ -239,7 +239,7 @@ def test_quarter_turns_of_few_digits_are_exact_on_paper(tmp_path: Path, rng) -> 
     q, gravity = [0.3, -0.4, 1.0], [1.0, 2.0, -9.0]
     assert_allclose(regressor.Z(q, gravity) @ regressor.parameters(arm), gravity_torque(arm, q, gravity), atol=1e-4)
     # numbers are those of the file, the regressor's of the quarter turns
-    assert written_terms._ROUNDING < abs(arm.tree.rotation[1][1, 1]) < 1e-6
+    assert symbolic_regressor._ROUNDING < abs(arm.tree.rotation[1][1, 1]) < 1e-6
 
 
 def held(text: str, q: np.ndarray) -> list[float]:

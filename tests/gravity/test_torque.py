@@ -19,7 +19,7 @@ from catenary.gravity.torque import (
     potential_energy,
 )
 from catenary.robots.catalog import load_robot
-from catenary.sensing.vector import tilted_gravity
+from catenary.sensing.gravity_vector import tilted_gravity
 from catenary.spatial import LEVEL
 from oracles.floating_base import by_mujoco, by_pinocchio, held
 from oracles.mujoco_trees import mujoco_data, mujoco_model, mujoco_order

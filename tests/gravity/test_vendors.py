@@ -4,7 +4,7 @@ import pytest
 from catenary.errors import InputError
 from catenary.gravity.vendors import VENDORS, in_controller_base, vendor_command, vendor_of
 from catenary.robots.catalog import load_robot
-from catenary.sensing.vector import tilted_gravity
+from catenary.sensing.gravity_vector import tilted_gravity
 
 S, C = 9.81 * np.sin(0.3), 9.81 * np.cos(0.3)
 

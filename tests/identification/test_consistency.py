@@ -10,7 +10,7 @@ from catenary.identification.identification import identify
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.robots.catalog import load_robot
 from catenary.robots.model_record import robot_from_record, robot_record
-from catenary.sensing.vector import tilted_gravity
+from catenary.sensing.gravity_vector import tilted_gravity
 from moving_arm import LEVEL, recorded
 
 ARM = load_robot("ur5e")

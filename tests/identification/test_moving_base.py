@@ -12,7 +12,7 @@ from catenary.errors import InputError
 from catenary.identification.identification import Identification, identify
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.robots.catalog import load_robot
-from catenary.robots.cut import on_base_joints
+from catenary.robots.submodels import on_base_joints
 from moving_arm import recorded, sinusoids
 
 PANDA, RATE, ROWS = load_robot("panda"), 200.0, 2000

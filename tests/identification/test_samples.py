@@ -16,7 +16,7 @@ from catenary.plant import MotionLog
 from catenary.robots.actuation import SignalFilter, default_actuation
 from catenary.robots.catalog import load_robot
 from catenary.robots.friction_terms import FRICTION_TERMS, dahl_path
-from catenary.sensing.vector import tilted_gravity
+from catenary.sensing.gravity_vector import tilted_gravity
 from catenary.spatial import LEVEL
 from moving_arm import recorded, sinusoids
 

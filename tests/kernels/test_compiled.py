@@ -50,7 +50,7 @@ def test_importing_compiled_functions_and_asking_for_a_line_does_not_import_numb
     code = (
         "import sys, catenary, catenary.gravity.torque, catenary.dynamics.inverse_dynamics, catenary.control.limits\n"
         "from catenary.gravity.compact_regressor import compact_regressor\n"
-        "from catenary.dynamics.lines import gravity_line\n"
+        "from catenary.dynamics.symbolic import gravity_line\n"
         "gravity_line(catenary.load_robot('raven2'))\n"
         "assert not {'numba', 'scipy', 'sklearn'} & set(sys.modules)"
     )

@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics import raven_inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.dynamics.lines import gravity_line, mass_matrix_line
 from catenary.dynamics.raven_inverse_kinematics import raven_path
+from catenary.dynamics.symbolic import gravity_line, mass_matrix_line
 from catenary.errors import InputError
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import evaluate_line

@@ -10,9 +10,9 @@ from catenary.errors import InputError
 from catenary.gravity.torque import gravity_delta
 from catenary.nodes.sensor_nodes import GravityNode, LevelBaseArm, publish
 from catenary.robots.catalog import load_robot
+from catenary.sensing.gravity_vector import Mailbox, tilted_gravity
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Mailbox, tilted_gravity
 from catenary.spatial import rotation_about_z
 from catenary.topics import SECOND
 from oracles.ticking_clock import SetClock

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
+from catenary.sensing.gravity_vector import Kind, Mailbox, ReadingStatus, tilted_gravity
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import Kind, Mailbox, ReadingStatus, tilted_gravity
 
 IDENTITY = np.eye(3)
 

@@ -19,12 +19,12 @@ from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
 from catenary.errors import FileFormatError, InputError
 from catenary.files import sha256_of
+from catenary.parallel import on_workers
 from catenary.plant import JOINT_ARRAYS, MotionLog
 from catenary.recording import parquet_files
 from catenary.recording.logs import _FORMAT, on_disk, read_log, read_torque_log, write_parquet
 from catenary.recording.parquet_files import open_parquet
 from catenary.robots.catalog import load_robot
-from catenary.side_by_side import on_workers
 from recordings import recording
 
 ARM = load_robot("two_link")

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from catenary.recording.logs import write_parquet
 from catenary.reports.joint_errors import overlay
-from catenary.verdict.mend import Mend
+from catenary.verdict.corrections import Mend
 from command_line import catenary
 from tests.truth.spoilings import late
 from tests.verdict.test_delay import cable_arm

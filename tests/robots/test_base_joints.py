@@ -5,7 +5,7 @@ from numpy.testing import assert_allclose
 
 from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import torque_regressor
-from catenary.robots.cut import on_base_joints
+from catenary.robots.submodels import on_base_joints
 from catenary.spatial import quaternion_from_rotation
 from oracles.pinocchio_trees import pinocchio_model, pinocchio_order
 from oracles.random_trees import random_robot, random_rotation

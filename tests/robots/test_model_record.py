@@ -15,7 +15,7 @@ from catenary.identification.identification_file import identification_card, sav
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf_export import urdf_text
-from catenary.workflows.trials import simulated_arm
+from catenary.workflows.gravity_trials import simulated_arm
 from command_line import catenary
 from moving_arm import LEVEL, recorded, sinusoids
 

@@ -9,9 +9,9 @@ from numpy.testing import assert_allclose
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.recording.import_formats import sources
+from catenary.recording.import_formats import recording_files
 from catenary.recording.import_formats.imu_recording import read_imu
-from catenary.sensing.vector import _DRIVERS, Kind, Mailbox, axes_matrix, convention_of
+from catenary.sensing.gravity_vector import _DRIVERS, Kind, Mailbox, axes_matrix, convention_of
 from catenary.workflows.check import check_file
 
 G = 9.80665
@@ -121,7 +121,7 @@ def test_rows_of_other_sensors_are_no_readings_and_one_that_is_no_number_is_a_fa
     assert_allclose(found.force, np.tile([0.1, 0.2, 9.8], (20, 1)))
     assert "20 rows have no reading" in found.notes[0]
     with monkeypatch.context() as long:  # a text that is not held whole, of which only the first rows are looked at
-        long.setattr(sources, "_LONG_FILE_BYTES", 100)
+        long.setattr(recording_files, "_LONG_FILE_BYTES", 100)
         long.setattr("catenary.recording.import_formats.csv_files._SAMPLED_NUMBERS", 50)
         long.setattr("catenary.recording.import_formats.csv_files._BLOCK_BYTES", 200)
         assert_allclose(read_imu(tmp_path / "a.csv").time, found.time)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from catenary.sensing.fallback import SlowAttitude, SmoothTransfer
-from catenary.sensing.vector import tilted_gravity
+from catenary.sensing.gravity_vector import tilted_gravity
 
 
 def transfer(follow=100.0, recover=10.0):

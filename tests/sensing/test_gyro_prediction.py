@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from catenary.sensing.gravity_vector import tilted_gravity
 from catenary.sensing.gyro_prediction import RestRate
-from catenary.sensing.vector import tilted_gravity
 
 BIAS = np.array([0.03, -0.02, 0.01])
 

@@ -5,10 +5,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import InputError
-from catenary.sensing.checks import Fault
+from catenary.sensing.gravity_vector import Kind, Mailbox, ReadingStatus, tilted_gravity
 from catenary.sensing.imu import SensedGravity
+from catenary.sensing.imu_faults import Fault
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Kind, Mailbox, ReadingStatus, tilted_gravity
 from catenary.spatial import LEVEL
 from oracles.sensed_base import Base, rocking
 

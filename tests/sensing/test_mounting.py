@@ -5,8 +5,8 @@ from scipy.spatial.transform import Rotation
 
 from catenary.errors import ConfigError, FileFormatError, InputError
 from catenary.robots.catalog import load_robot
+from catenary.sensing.gravity_vector import Kind
 from catenary.sensing.mounting import Mounting, TumbleSection, load_mounting, save_mounting
-from catenary.sensing.vector import Kind
 
 TURNED = Mounting(
     rotation=Rotation.from_euler("xyz", [0.3, -1.0, 2.0]).as_matrix(),

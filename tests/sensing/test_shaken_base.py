@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks.shaken_base import ROWS, sensed
+from catenary.sensing.gravity_vector import Kind, Mailbox
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Kind, Mailbox
 from oracles.shaken_imu import Shaken, X, Y, rock
 
 

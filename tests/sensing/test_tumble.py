@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
+from catenary.sensing.gravity_vector import tilted_gravity
 from catenary.sensing.tumble import align, fit_tumble, level_and_tilts
-from catenary.sensing.vector import tilted_gravity
 
 SIX = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=float)
 BIAS, SCALE = np.array([0.3, -0.2, 0.5]), np.array([1.02, 0.97, 1.01])

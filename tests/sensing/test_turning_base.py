@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics
 from catenary.robots.catalog import load_robot
-from catenary.sensing.bases import BASES
-from catenary.sensing.checks import Fault
+from catenary.sensing.gravity_vector import Kind, ReadingStatus, tilted_gravity
+from catenary.sensing.imu_faults import Fault
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Kind, ReadingStatus, tilted_gravity
+from catenary.sensing.platforms import BASES
 from catenary.spatial import LEVEL
 from oracles.sensed_base import IDENTITY, Base, fed, is_live, rocking
 

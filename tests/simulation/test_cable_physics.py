@@ -13,8 +13,8 @@ from catenary.simulation.base_motion import RockingBase
 from catenary.simulation.cable_parameters import Cable, load_cable_arm
 from catenary.simulation.cable_physics import ArmState, Work, pull_at_joint, pull_cable
 from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.compiled_records import OFF
 from catenary.simulation.firmware import control_motors, read_encoders
-from catenary.simulation.records import OFF
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.cable_elasticity import beyond_backlash, tensions_for, winding_of
 from oracles import cable_arms

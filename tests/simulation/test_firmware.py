@@ -18,6 +18,7 @@ from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm, right_arm
 from catenary.simulation.cable_physics import ArmState
 from catenary.simulation.cable_plant import CablePlant
+from catenary.simulation.compiled_records import OFF, POSITION, TORQUE
 from catenary.simulation.firmware import (
     NOMINAL_GRAV_DIR,
     ControlState,
@@ -29,7 +30,6 @@ from catenary.simulation.firmware import (
     register_encoders,
     write_gravity_torque,
 )
-from catenary.simulation.records import OFF, POSITION, TORQUE
 from catenary.transmission.cable_elasticity import joint_forces, tensions_for
 from oracles.cable_arms import homed_plant, linear_arm, smooth_motion, with_linear_cables
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.simulation.compiled_records import POSITION, TORQUE
 from catenary.simulation.psm_controller import (
     _FULL_TURN,
     PsmControlState,
@@ -14,7 +15,6 @@ from catenary.simulation.psm_controller import (
     register_psm,
     take_psm_setpoint,
 )
-from catenary.simulation.records import POSITION, TORQUE
 
 ARM = load_psm()
 CONTROLLER = ARM.controller

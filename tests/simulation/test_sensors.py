@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
+from catenary.sensing.gravity_vector import Kind, Mailbox, ReadingStatus
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Kind, Mailbox, ReadingStatus
 from catenary.simulation import sensors
 from catenary.simulation.base_motion import FixedBase, RockingBase, imu_reading
 from oracles.sensor_faults import NAMED

@@ -10,8 +10,8 @@ from catenary.errors import DataError, InputError
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, verdict
+from catenary.verdict.corrections import NO_MEND, Mend
 from catenary.verdict.finding import judge
-from catenary.verdict.mend import NO_MEND, Mend
 from catenary.verdict.units_and_scale import trained_findings
 from hysteretic_arm import recording
 from spoilt import (

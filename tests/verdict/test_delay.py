@@ -11,8 +11,8 @@ from catenary.calibration.fit_recordings import fit_logs
 from catenary.plant import MotionLog
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.verdict.check import findings_of
+from catenary.verdict.corrections import NO_MEND, Mend
 from catenary.verdict.delay import delay_of
-from catenary.verdict.mend import NO_MEND, Mend
 from drawn_arms.arm import Arm
 from hysteretic_arm import play
 from tests.truth.spoilings import late

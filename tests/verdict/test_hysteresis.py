@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.plant import MotionLog
-from catenary.verdict.pairs import hysteresis_of
+from catenary.verdict.command_response import hysteresis_of
 from hysteretic_arm import play
 from tests.verdict.test_delay import cable_arm
 

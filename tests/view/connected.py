@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from typing import Any, Self
 
 from catenary.robots.catalog import load_robot
+from catenary.view.meshes import arm_shapes
+from catenary.view.page_content import PageContent
 from catenary.view.page_process import PageProcess
-from catenary.view.shapes import arm_shapes
-from catenary.view.shown import PageContent
-from catenary.view.simulated import driving_tabs
+from catenary.view.simulated_arm import driving_tabs
 from oracles.ideal_plant import IdealPlant
 from patience import PATIENCE
 

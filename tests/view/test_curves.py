@@ -1,7 +1,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from catenary.view.shown import _SPAN_S, Curves
+from catenary.view.page_content import _SPAN_S, Curves
 from view.arms import RAVEN, Q, state
 
 

@@ -14,9 +14,9 @@ from catenary.open_robot import Simulated, tilted_base
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.spatial import LEVEL
+from catenary.view.meshes import arm_shapes
+from catenary.view.page_content import Change
 from catenary.view.replay import RecordedArm, Replay, WatchedArm, recorded_arm, shown_project
-from catenary.view.shapes import arm_shapes
-from catenary.view.shown import Change
 from catenary.workflows.project.folder import Project, ProjectSettings, is_project
 from catenary.workflows.robot.operated_robot import operated_robot
 from view.arms import RAVEN

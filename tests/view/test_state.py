@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.dynamics.kinematics import forward_kinematics, link_poses
-from catenary.sensing.vector import tilted_gravity
+from catenary.sensing.gravity_vector import tilted_gravity
 from catenary.spatial import LEVEL, rotation_from_quaternion
+from catenary.view.page_content import _PATH_POINTS, TipPaths, base_orientation, scene_of_robot
 from catenary.view.page_process import _SHOWN_NOTES, PageProcess, newest, truncated_state
-from catenary.view.shown import _PATH_POINTS, TipPaths, base_orientation, scene_of_robot
 from view.arms import RAVEN, Q, state
 
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from catenary.plant import JointState
 from catenary.trajectories.smoothed_path import go_to
-from catenary.view.simulated import SteeredTrajectory, SwitchedCorrector
+from catenary.view.simulated_arm import SteeredTrajectory, SwitchedCorrector
 
 DT = 1e-3
 FADE = 1.5  # [s]

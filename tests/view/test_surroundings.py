@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.sensing.vector import ReadingStatus
+from catenary.sensing.gravity_vector import ReadingStatus
 from catenary.simulation.base_motion import _CHANGE_TIME_S, SteeredBase
-from catenary.view.simulated import _SENSOR_FAULTS, Surroundings
-from catenary.workflows.trials import simulated_arm
+from catenary.view.simulated_arm import _SENSOR_FAULTS, Surroundings
+from catenary.workflows.gravity_trials import simulated_arm
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from catenary.view.meshes import arm_shapes
+from catenary.view.page_content import Change, PageContent
 from catenary.view.page_process import PageProcess
-from catenary.view.shapes import arm_shapes
-from catenary.view.shown import Change, PageContent
 from catenary.view.viser_page import gravity_html, joints_html, status_html
 from patience import until
 from view.arms import RAVEN, Q, state

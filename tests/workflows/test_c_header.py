@@ -18,7 +18,7 @@ from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_file import save_model
 from catenary.dynamics.actuation_loads import ActuationLoads, joint_friction, known_loads
 from catenary.dynamics.inverse_dynamics import BaseMotion, inverse_dynamics, mass_matrix
-from catenary.dynamics.lines import inverse_dynamics_line
+from catenary.dynamics.symbolic import inverse_dynamics_line
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.export import ExportedQuantity, export_function

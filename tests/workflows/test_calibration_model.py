@@ -24,7 +24,7 @@ from catenary.plant import MotionLog
 from catenary.recording.import_formats.mapping import mapping_of
 from catenary.recording.logs import Reading, read_log, write_parquet
 from catenary.robots.catalog import load_robot
-from catenary.verdict.mend import Mend
+from catenary.verdict.corrections import Mend
 from catenary.view.replay import recorded_arm
 from catenary.workflows.calibration_model import fit_calibration, held_against, recording_for
 from catenary.workflows.identify import identify_files, payload_of_files

@@ -14,7 +14,7 @@ import simulated_arm
 from catenary.plant import MotionLog
 from catenary.recording.logs import write_parquet
 from catenary.robots.catalog import load_robot
-from catenary.verdict.mend import Mend
+from catenary.verdict.corrections import Mend
 from catenary.workflows.check import check_file, check_recording, check_robot
 from command_line import catenary
 from hysteretic_arm import recording

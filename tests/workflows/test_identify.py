@@ -28,7 +28,7 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.robots.urdf_export import write_urdf
 from catenary.sensing.wrist_tool import load_tool
-from catenary.verdict.mend import Mend
+from catenary.verdict.corrections import Mend
 from catenary.workflows.identify import identify_files, of_joints, payload_of_files
 from command_line import catenary, refusal
 from moving_arm import recorded, sinusoids, write_npz

@@ -3,8 +3,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.errors import InputError, SensorError
+from catenary.sensing.gravity_vector import Mailbox, tilted_gravity
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import Mailbox, tilted_gravity
 from catenary.simulation.base_motion import FixedBase, RockingBase
 from catenary.simulation.sensors import InjectedFault, SensorModel, SimulatedSensor
 from catenary.workflows.sense import read_still, simulated_feed, watch

@@ -13,9 +13,9 @@ from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
 from catenary.calibration.fit_options import PLAY_SHARES, FitOptions, FoundCables
+from catenary.calibration.friction_search import MIN_ROWS, SearchedRows, SumsBeside, is_gain, searched_rows
 from catenary.calibration.recordings import Recordings
-from catenary.calibration.searched_rows import MIN_ROWS, SearchedRows, SumsBeside, is_gain, searched_rows
-from catenary.verdict.pairs import play
+from catenary.verdict.command_response import play
 
 _FACTORS = (-1.2, -0.8, -0.5, -0.25, -0.1, 0.1, 0.25, 0.5, 0.8, 1.2)  # of ranges, from which the search begins
 _SLACKS = tuple(0.0004 * 1.25**k for k in range(22))  # of a path's range

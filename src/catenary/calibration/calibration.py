@@ -22,21 +22,21 @@ from catenary.calibration.evaluate import Evaluation, Spread, spread_table
 from catenary.calibration.evaluate import evaluate as evaluate_rows
 from catenary.calibration.fit_options import COVERAGE, FOLDS, FitOptions, FitRun
 from catenary.calibration.fit_recordings import fit_logs
-from catenary.calibration.maintenance import judge_recordings, mended_as_trained, refresh_with, trained_limits
 from catenary.calibration.model import CalibrationModel, Card, Target
 from catenary.calibration.model_file import load_model as read_model
 from catenary.calibration.model_file import save_model
 from catenary.calibration.model_kinds import LEARNED
+from catenary.calibration.model_maintenance import judge_recordings, mended_as_trained, refresh_with, trained_limits
 from catenary.calibration.own_model import Function, Named, chosen
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
+from catenary.parallel import Progress, silent
 from catenary.plant import MotionLog, nameless
 from catenary.recording.logs import read_log
-from catenary.side_by_side import Progress, silent
 from catenary.tables import Screen
 from catenary.verdict.check import findings_of, robot_of
+from catenary.verdict.corrections import AS_TRAINED
 from catenary.verdict.finding import Finding
-from catenary.verdict.mend import AS_TRAINED
 
 Recording = MotionLog | str | Path
 _ARRAYS_NAME = "arrays"  # name of the log made of arrays

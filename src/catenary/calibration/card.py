@@ -8,13 +8,13 @@ from typing import Any
 
 from catenary import __version__
 from catenary.arrays import Floats
+from catenary.bounded_parsers import cut
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.evaluate import Evaluation, Spread
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.intervals import MAX_HALF_RANGES
 from catenary.calibration.model import MAX_CORRECTION_RATIO, CalibrationModel, Card
 from catenary.calibration.model_kinds import ModelKind, kind_of
-from catenary.documents import cut
 from catenary.units import DISPLAY
 
 _ARM_KEYS = ("instrument", "tool", "date")  # that a run states, and no option of the fit

@@ -13,8 +13,8 @@ from catenary.arrays import Flags, Floats, Integers, spread
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
+from catenary.parallel import Progress, of_each
 from catenary.plant import FIRST_DATE_S, Jointed, MotionLog, joints_text
-from catenary.side_by_side import Progress, of_each
 
 _LAST_DATE_S = 1e10  # [s since 1970]
 _ROWS = ("X", "q_nominal", "error", "leaping", "position", "time")  # arrays that have a row for each usable one

@@ -11,7 +11,7 @@ from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.model import CalibrationModel
 from catenary.errors import InputError
-from catenary.side_by_side import Progress, of_each, silent
+from catenary.parallel import Progress, of_each, silent
 from catenary.tables import Column, OnScreen, Screen, Table, in_units
 from catenary.units import DISPLAY
 

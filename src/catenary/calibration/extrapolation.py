@@ -20,9 +20,9 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
 
 from catenary.arrays import Floats, Integers, spread
+from catenary.calibration.feature_terms import DROPPED, Terms
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.predictors import Leverage
-from catenary.calibration.terms import DROPPED, Terms
 from catenary.calibration.valid_range import standardisation
 
 _NORMAL_90 = 1.6449  # standard deviations about the mean that hold 90 % of a normal distribution

@@ -22,14 +22,14 @@ from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
+from catenary.parallel import Progress, part_of, silent
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
-from catenary.robots.plausible import MAX_LENGTH_M
-from catenary.side_by_side import Progress, part_of, silent
+from catenary.robots.plausibility import MAX_LENGTH_M
 from catenary.units import DISPLAY, TO_SI
 from catenary.verdict.check import Passed
-from catenary.verdict.mend import left_out_rows, mends_of
-from catenary.verdict.pairs import OUTLIER_SIGMAS, outliers
+from catenary.verdict.command_response import OUTLIER_SIGMAS, outliers
+from catenary.verdict.corrections import left_out_rows, mends_of
 
 _MAX_ROWS, _SAMPLED_ROWS = 50_000, 20_000  # of more rows than the first a fit learns from a sample
 _MAX_FAR_SHARE = 0.03  # of rows, that failed measurements are

@@ -19,8 +19,8 @@ from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE, largest_step, room_of
 from catenary.calibration.valid_range import fit_valid_range
 from catenary.errors import InputError
+from catenary.parallel import Progress, part_of, silent
 from catenary.plant import MotionLog
-from catenary.side_by_side import Progress, part_of, silent
 
 MIN_ROWS = 10  # rows
 _SHOWN_QUANTILE = 0.99  # of training errors, for the largest correction: others may be failed measurements

@@ -16,9 +16,9 @@ from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
 from catenary.calibration.fit_options import FitOptions
+from catenary.calibration.friction_search import MIN_ROWS, SearchedRows, SumsBeside, is_gain, searched_rows
 from catenary.calibration.friction_states import FoundFriction, FrictionStates
 from catenary.calibration.recordings import Recordings
-from catenary.calibration.searched_rows import MIN_ROWS, SearchedRows, SumsBeside, is_gain, searched_rows
 from catenary.errors import InputError
 from catenary.transmission.cable_friction import CoupledFriction, coupled_friction
 

@@ -21,10 +21,10 @@ from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats, Integers
 from catenary.calibration.extrapolation import TrainedRows, leverage
+from catenary.calibration.feature_terms import DROPPED, Terms, term_owners
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.predictors import Expansion
 from catenary.calibration.spike_filter import ANY_SIZE
-from catenary.calibration.terms import DROPPED, Terms, term_owners
 from catenary.calibration.valid_range import standardisation
 
 GROUPS = (

@@ -17,12 +17,12 @@ from catenary.calibration.valid_range import ValidRange, choose
 from catenary.cards import StoredFloats, StoredIntegers
 from catenary.config import IN_FILES
 from catenary.errors import InputError
-from catenary.kernels import rows as arithmetic
+from catenary.kernels import row_functions as arithmetic
 from catenary.kernels.bind import Step, blocks, run
 from catenary.plant import MotionLog
 from catenary.tables import OnScreen, Screen, Table
 from catenary.units import shown_rows
-from catenary.verdict.mend import MEND_KEYS
+from catenary.verdict.corrections import MEND_KEYS
 
 Target = Literal["error", "position"]
 Unit = Annotated[str, Field(pattern="^(rad|m)$")]

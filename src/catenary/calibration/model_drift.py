@@ -14,8 +14,8 @@ from catenary.calibration.card import clock_delay
 from catenary.calibration.conformal import COVERAGE_LENIENCE
 from catenary.calibration.dataset import usable_rows
 from catenary.calibration.evaluate import evaluate
-from catenary.calibration.maintenance import last_date
 from catenary.calibration.model import CalibrationModel, Card
+from catenary.calibration.model_maintenance import last_date
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.raven2.transmission import OFFSETS

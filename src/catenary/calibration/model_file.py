@@ -15,17 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
+from catenary.bounded_parsers import cut, json_table, shortened
+from catenary.calibration.feature_terms import Terms
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_kinds import RETIRED, kind_of
 from catenary.calibration.own_model import Named, packed, with_estimators
 from catenary.calibration.predictors import Expansion, Leverage, linear
-from catenary.calibration.terms import Terms
 from catenary.cards import card_of, stored, write_with_card
 from catenary.config import parse_settings
-from catenary.documents import cut, json_table, shortened
 from catenary.errors import CatenaryError, FileFormatError, InputError
 from catenary.files import damage
-from catenary.robots.plausible import MAX_LENGTH_M, check_different, check_names, check_within
+from catenary.robots.plausibility import MAX_LENGTH_M, check_different, check_names, check_within
 
 _log = logging.getLogger(__name__)
 _FORMAT, _BEFORE = "catenary.calibration.6", "catenary.calibration.5"

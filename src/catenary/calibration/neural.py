@@ -16,7 +16,7 @@ from catenary.arrays import Floats
 from catenary.calibration.predictors import Network
 from catenary.calibration.valid_range import standardisation
 from catenary.kernels.compiled import compiled, inlined
-from catenary.side_by_side import Progress, silent
+from catenary.parallel import Progress, silent
 
 Singles = NDArray[np.float32]
 # Adam's decay rates, and what it adds to a root [Kingma and Ba 2014]

@@ -24,11 +24,11 @@ from threadpoolctl import threadpool_limits
 
 from catenary.archives import MAX_UNPACKED_BYTES, UNREADABLE
 from catenary.arrays import Floats
+from catenary.bounded_parsers import reading
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_kinds import OWN
 from catenary.calibration.predictors import OwnFunction
 from catenary.calibration.valid_range import standardisation
-from catenary.documents import reading
 from catenary.errors import FileFormatError, InputError, imported
 
 _BY_SKOPS, _BY_ITSELF = b"skops:", b"own:"

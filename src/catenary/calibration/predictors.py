@@ -14,11 +14,11 @@ import numpy as np
 from pydantic import Field
 
 from catenary.arrays import Floats, as_array
-from catenary.calibration.terms import Terms
+from catenary.calibration.feature_terms import Terms
 from catenary.calibration.valid_range import standardisation
 from catenary.cards import Stored, StoredFloats
 from catenary.errors import InputError
-from catenary.kernels import rows as arithmetic
+from catenary.kernels import row_functions as arithmetic
 from catenary.kernels.bind import Step, blocks, run
 from catenary.kernels.compiled import compiled
 

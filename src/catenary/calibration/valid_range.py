@@ -11,7 +11,7 @@ from catenary.calibration.intervals import MAX_HALF_RANGES, distance_outside
 from catenary.cards import StoredFloats
 from catenary.kernels.bind import Step
 from catenary.kernels.compiled import compiled
-from catenary.kernels.rows import between, dense, repeat, standardise
+from catenary.kernels.row_functions import between, dense, repeat, standardise
 
 MIN_RANGE = 1e-6  # [standard deviations] below it a direction counts as not moved at all
 Share = Annotated[float, Field(gt=0.0, le=1.0)]

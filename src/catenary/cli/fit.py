@@ -35,8 +35,8 @@ from catenary.cli.recording_options import (
 from catenary.cli.terminal import print_page, print_result, progress_bar
 from catenary.errors import InputError
 from catenary.files import card_path
+from catenary.parallel import on_workers
 from catenary.reports.page import Block, Heading, picture
-from catenary.side_by_side import on_workers
 from catenary.tables import Table
 
 if TYPE_CHECKING:
@@ -311,7 +311,7 @@ def _write_fit_report(path: Path, result: "FitResult", robot: "catenary.RobotMod
     from catenary.calibration.evaluate import evaluate as evaluate_rows
     from catenary.reports.calibration import write_calibration_report
     from catenary.reports.joint_errors import CAPTION, overlay
-    from catenary.verdict.mend import retimed_by
+    from catenary.verdict.corrections import retimed_by
 
     overlays = (picture(overlay(log, retimed_by(log)), f"{log.name}. {CAPTION}") for log in result.logs)
     further: list[Block] = [Heading("Delay"), *overlays]

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from catenary.plant import Jointed
     from catenary.sensing.imu import SensedGravity
     from catenary.simulation.base_motion import MovingBase, Wave
-    from catenary.workflows.trials import SimulatedArm
+    from catenary.workflows.gravity_trials import SimulatedArm
 
 _SHOWN_POSES = 9  # of a motion, in its report
 _NOTED_OFFSET = 0.5  # [deg|mm] of a reported position, from which a note says so
@@ -79,7 +79,7 @@ class Conditions:
 
     def arm(self, robot: str, description: DescriptionOptions) -> "SimulatedArm":
         """Return the robot on its base."""
-        from catenary.workflows.trials import simulated_arm
+        from catenary.workflows.gravity_trials import simulated_arm
 
         drives = values_of(self, "kp", "kd", "friction", "viscous")
         return simulated_arm(
@@ -92,7 +92,7 @@ class Conditions:
         asked = self.simulated_imu or self.sensor_bias is not None or self.imu_frame is not None
         if not asked and sensing == SensingOptions():
             return None
-        from catenary.workflows.trials import base_sensor
+        from catenary.workflows.gravity_trials import base_sensor
 
         bias = self.sensor_bias or (0.0, 0.0, 0.0)
         sensor, mounting = base_sensor(
@@ -144,7 +144,7 @@ def gravity(
 
     from catenary.arrays import Floats
     from catenary.gravity.closed_robot import ClosedRobot
-    from catenary.gravity.mass_doubts import mass_doubts
+    from catenary.gravity.mass_plausibility import mass_doubts
     from catenary.gravity.torque import gravity_torque, unseen_torque
     from catenary.gravity.vendors import in_controller_base, vendor_command, vendor_of
     from catenary.spatial import LEVEL
@@ -242,8 +242,8 @@ def track(
     """
     import numpy as np
 
-    from catenary.workflows.trials import make_motion
-    from catenary.workflows.trials import track as run
+    from catenary.workflows.gravity_trials import make_motion
+    from catenary.workflows.gravity_trials import track as run
 
     own = [kind.name for kind in CONTROLLERS.values() if kind.accelerations]
     if controller in own and (conditions.kp or conditions.kd):
@@ -282,8 +282,8 @@ def hold(
 
     Example: catenary hold raven2 --base-tilt-deg 0,180 --seconds 2
     """
-    from catenary.workflows.trials import HOLD_START, start_pose
-    from catenary.workflows.trials import hold_arm as run
+    from catenary.workflows.gravity_trials import HOLD_START, start_pose
+    from catenary.workflows.gravity_trials import hold_arm as run
 
     arm = conditions.arm(robot, description)
     law, pose = make_controller(controller, arm, among=HOLDS), joints.given(arm.model)

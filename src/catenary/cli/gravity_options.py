@@ -11,14 +11,14 @@ import typer
 import catenary
 from catenary.cli.options import Names, Triple, group, numbers, option, values_of
 from catenary.errors import InputError
-from catenary.sensing.bases import BASES
-from catenary.sensing.fallbacks import FALLBACKS
+from catenary.sensing.fallback_kinds import FALLBACKS
+from catenary.sensing.platforms import BASES
 
 if TYPE_CHECKING:
     from catenary.arrays import Floats
+    from catenary.sensing.gravity_vector import Convention, Mailbox
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
-    from catenary.sensing.vector import Convention, Mailbox
     from catenary.spatial import Pose
 
 
@@ -49,8 +49,8 @@ class StatedGravity:
     def stated(self, mounting: "Mounting | None" = None) -> "Floats":
         """Return gravity, (3,) in base axes [m/s2]; a reading is corrected and turned by the sensor's mounting."""
         from catenary.arrays import as_array
+        from catenary.sensing.gravity_vector import Kind
         from catenary.sensing.mounting import Mounting
-        from catenary.sensing.vector import Kind
         from catenary.spatial import LEVEL
 
         if self.imu_reading is not None:
@@ -71,8 +71,8 @@ class GivenGravity(StatedGravity):
 
     def gravity_of(self, model: "catenary.RobotModel") -> "Floats":
         """Return gravity, (3,) in axes of a robot's base [m/s2]."""
+        from catenary.sensing.gravity_vector import tilted_gravity
         from catenary.sensing.mounting import Mounting, load_mounting
-        from catenary.sensing.vector import tilted_gravity
 
         if self.base_tilt_deg is not None:
             return tilted_gravity(*map(math.radians, self.base_tilt_deg))
@@ -81,7 +81,7 @@ class GivenGravity(StatedGravity):
 
     def doubts(self, gravity: "Floats") -> list[str]:
         """Return in words why this gravity may not be the one that was meant."""
-        from catenary.robots.plausible import gravity_doubts
+        from catenary.robots.plausibility import gravity_doubts
 
         return gravity_doubts(gravity, hanging=self.base_tilt_deg is not None)
 
@@ -106,7 +106,7 @@ class ReadingOptions:
 
     def convention(self) -> "Convention | None":
         """Return the factor on readings; None if none is stated."""
-        from catenary.sensing.vector import convention_of
+        from catenary.sensing.gravity_vector import convention_of
 
         if not (self.units or self.axes or self.driver):
             return None

@@ -18,7 +18,7 @@ from catenary.cli.exit_codes import REFUSED, code_of_signal, signals_interrupt
 from catenary.cli.options import as_typed
 from catenary.crtk.network import parse_ros_arguments, say_ros_arguments, split_ros_arguments
 from catenary.errors import CatenaryError, ImplausibleWarning
-from catenary.visible import ClosedOutput, VisibleStream
+from catenary.terminal_text import ClosedOutput, VisibleStream
 
 # groups in the order in which `catenary --help` lists them; of each command the module with its function
 GROUPS: dict[str, dict[str, str]] = {

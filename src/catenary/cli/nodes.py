@@ -228,8 +228,8 @@ def gravity_node(
     from catenary.crtk.transforms import heard_pose
     from catenary.devices.accelerometer import SerialAccelerometer
     from catenary.nodes.sensor_nodes import GravityNode, LevelBaseArm, publish
+    from catenary.sensing.gravity_vector import Mailbox
     from catenary.sensing.mounting import Mounting, load_mounting
-    from catenary.sensing.vector import Mailbox
     from catenary.topics import SECOND
 
     require_one(**values_of(sensor, "imu", "accel", "vector", "port"))

@@ -231,7 +231,7 @@ def require_one(**given: Any) -> None:
 
 def numbers(text: str, count: int | None = None) -> Numbers:
     """Read numbers separated by commas or spaces, as many as `count` says."""
-    from catenary.documents import plain_number
+    from catenary.bounded_parsers import plain_number
 
     values = []
     for word in text.replace(",", " ").split():

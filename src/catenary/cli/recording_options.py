@@ -70,7 +70,7 @@ class RecordingOptions(MappingOptions):
         With a mapping, `--units` are those of its columns; else they come before the robot's.
         """
         from catenary.recording.logs import Reading
-        from catenary.verdict.mend import Mend, si_units, units_of
+        from catenary.verdict.corrections import Mend, si_units, units_of
 
         names, own_units = None, None
         if robot is not None:
@@ -87,7 +87,7 @@ class RecordingOptions(MappingOptions):
 
     def typed(self, robot: str | None) -> tuple[str, ...]:
         """Return the options that say how recordings are read, without corrections."""
-        from catenary.verdict.mend import units_of
+        from catenary.verdict.corrections import units_of
 
         mapped = [word for text in self.map for word in ("--map", text)]
         mapped += [] if self.mapping is None else ["--mapping", str(self.mapping)]

@@ -21,9 +21,9 @@ from catenary.errors import InputError
 
 if TYPE_CHECKING:
     from catenary.recording.import_formats.imu_recording import ImuRecording
+    from catenary.sensing.gravity_vector import GravityReading
     from catenary.sensing.imu import SensedGravity
     from catenary.sensing.mounting import Mounting
-    from catenary.sensing.vector import GravityReading
     from catenary.simulation.sensors import SensorModel
     from catenary.workflows.sense import Attitude, Feed, SenseSummary, StillReading, TumbleOutcome
 
@@ -92,7 +92,7 @@ class SimulatedSensorOptions:
 
     def feed(self, model: "SensorModel") -> "Feed":
         """Return its samples on a base at rest."""
-        from catenary.sensing.vector import Mailbox
+        from catenary.sensing.gravity_vector import Mailbox
         from catenary.simulation.base_motion import FixedBase
         from catenary.simulation.sensors import SimulatedSensor
         from catenary.workflows.sense import simulated_feed
@@ -126,8 +126,8 @@ def sense(
     """
     from catenary.crtk.transforms import recorded_pose
     from catenary.devices.accelerometer import SerialAccelerometer
+    from catenary.sensing.gravity_vector import MAILBOX_SIZE, Mailbox
     from catenary.sensing.mounting import Mounting, load_mounting
-    from catenary.sensing.vector import MAILBOX_SIZE, Mailbox
     from catenary.workflows.sense import ATTITUDES, SETTLE, Feed, replay_feed, run_tumble, simulated_reader
 
     require_one(port=port, simulated=simulation.simulated, replay=replaying.replay)
@@ -187,7 +187,7 @@ def _watch(feed: "Feed", source: "SensedGravity", duration: float | None) -> Non
 
 
 def _lines(reading: "GravityReading", base: str) -> list[str]:
-    from catenary.sensing.vector import tilt_angle, tilt_of
+    from catenary.sensing.gravity_vector import tilt_angle, tilt_of
 
     x, y, z = reading.gravity
     roll, pitch = map(math.degrees, tilt_of(reading.gravity))

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 
 from catenary.files import json_text
 from catenary.tables import Table
-from catenary.visible import visible
+from catenary.terminal_text import visible
 
 _SILENT: ContextVar[bool] = ContextVar("silent", default=False)
 _FORM: ContextVar[str] = ContextVar("form", default="text")

@@ -72,7 +72,7 @@ def view(
                 announce(f"{page.url}: preparing the robot ...")
                 import numpy as np
 
-                from catenary.view.simulated import DrivenArm
+                from catenary.view.simulated_arm import DrivenArm
 
                 title, rng = what or "raven2", np.random.default_rng(0)
                 runs = DrivenArm(title, model=calibration_of(model, own), seed=place.robot_seed, rng=rng)
@@ -93,8 +93,8 @@ _Titled = tuple[str, Any]  # of the page; what has `shown` and `run`
 
 
 def _on_ros(stack: ExitStack, robot: WatchedRobot, model: "CalibrationModel | None", gravity: str | None) -> _Titled:
+    from catenary.view.meshes import shapes_of
     from catenary.view.replay import WatchedArm
-    from catenary.view.shapes import shapes_of
 
     opened = stack.enter_context(chosen_robot(robot, "view", moves=False, gravity=gravity))
     return robot.robot, WatchedArm(opened, shapes_of(robot.robot, opened.model)[0], model)
@@ -104,8 +104,8 @@ def _recording(
     what: str | None, log: Path | None, model: Path | None, own: str | None, recordings: ModelRecordingOptions
 ) -> _Titled:
     """Return a recording of a robot, or a project's, for a model and corrected as its training data if there is one."""
+    from catenary.view.meshes import shapes_of
     from catenary.view.replay import Replay, recorded_arm, shown_project
-    from catenary.view.shapes import shapes_of
     from catenary.workflows.calibration_model import recording_for
 
     robot, path = what, log or Path()

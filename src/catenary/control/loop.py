@@ -21,7 +21,7 @@ from catenary.errors import InputError, LimitError, SensorError
 from catenary.kernels.compiled import in_motion
 from catenary.operating_system import require_linux
 from catenary.plant import JointState, Plant, require_ready
-from catenary.sensing.vector import GravityReading, ReadingStatus
+from catenary.sensing.gravity_vector import GravityReading, ReadingStatus
 from catenary.trajectories.reference import Reference, Trajectory
 
 # [rad], [m] largest distance from the measured position to the first reference, with a controller: the arm may have

@@ -16,8 +16,8 @@ import numpy as np
 from catenary.arrays import Flags, Floats
 from catenary.control.realtime import Durations, Timing
 from catenary.plant import Jointed
-from catenary.sensing.checks import Fault
-from catenary.sensing.vector import GravityReading, ReadingStatus
+from catenary.sensing.gravity_vector import GravityReading, ReadingStatus
+from catenary.sensing.imu_faults import Fault
 from catenary.tables import OnScreen, Screen, Table
 from catenary.units import DISPLAY, TORQUE_UNIT, shown_rows
 

@@ -6,7 +6,7 @@ An arm is one robot's: where two publish its joints, each would obey what is mea
 from collections.abc import Iterable, Mapping, Sequence
 
 from catenary.crtk.dialects import DialectKind
-from catenary.crtk.inbox import Subscription
+from catenary.crtk.message_queues import Subscription
 from catenary.crtk.topic_names import JOINT_STATE, WARNING
 from catenary.crtk.transport import UNNAMED_NODE, Latest, Transport
 from catenary.errors import RobotHeldError, TransportError

@@ -16,7 +16,7 @@ from catenary.crtk.message import Message, message_class
 from catenary.crtk.topic_names import COMMAND
 from catenary.crtk.transport import Latest, Transport
 from catenary.errors import InputError
-from catenary.sensing.vector import Kind, Mailbox
+from catenary.sensing.gravity_vector import Kind, Mailbox
 from catenary.spatial import LEVEL
 from catenary.topics import SECOND
 

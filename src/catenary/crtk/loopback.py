@@ -7,8 +7,8 @@ import threading
 from itertools import count
 from typing import cast
 
-from catenary.crtk.inbox import Origin
 from catenary.crtk.message import Message
+from catenary.crtk.message_queues import Origin
 from catenary.crtk.transport import Answer, Clock, HeardTopic, Publisher, Transport
 from catenary.errors import TransportError
 

@@ -22,8 +22,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 
-from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin
 from catenary.crtk.message import CDR, HEADER, Message, codec
+from catenary.crtk.message_queues import UNTAKEN_MESSAGES, Origin
 from catenary.crtk.network import BEGIN, RosArguments
 from catenary.crtk.transport import SETTLE_S, UNNAMED_NODE, Answer, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError

@@ -17,8 +17,8 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, wait
 from typing import Any, NamedTuple, Self
 
-from catenary.crtk.inbox import Inbox, Origin, Subscription
 from catenary.crtk.message import MESSAGE_BYTES, ROS1, Message, codec
+from catenary.crtk.message_queues import Inbox, Origin, Subscription
 from catenary.errors import InputError, TransportError
 from catenary.operating_system import elapsed_ns
 from catenary.recording.messages import current_name, service_md5_sum

@@ -16,8 +16,8 @@ import numpy as np
 
 from catenary.devices.serial_board import BAUD, SerialBoard
 from catenary.errors import InputError, SensorError
+from catenary.sensing.gravity_vector import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Kind, Mailbox
 from catenary.units import ACCELERATION_UNITS, RATE_UNITS
 
 _VERSION = 1

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.actuation_loads import ActuationLoads
-from catenary.dynamics.lines import inverse_dynamics_line, mass_matrix_line
 from catenary.dynamics.recursion import (
     Numbers,
     composite_body_recursion,
@@ -20,10 +19,11 @@ from catenary.dynamics.recursion import (
     to_tree,
 )
 from catenary.dynamics.robot_kernels import DynamicQuantity
+from catenary.dynamics.symbolic import inverse_dynamics_line, mass_matrix_line
 from catenary.errors import ImplausibleWarning, InputError
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
-from catenary.robots.plausible import gravity_doubts
+from catenary.robots.plausibility import gravity_doubts
 
 _ZERO = (0.0, 0.0, 0.0)
 _FELT_M_S2 = 30.0  # beyond which no base feels gravity and its own acceleration

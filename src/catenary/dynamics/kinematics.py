@@ -7,7 +7,7 @@ from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.recursion import add, cross, place_links, place_tree, row, times, to_robot_columns
 from catenary.kernels.compiled import compiled
 from catenary.robots.model import RobotModel, Tree
-from catenary.robots.plausible import check_within
+from catenary.robots.plausibility import check_within
 from catenary.spatial import Pose
 
 _MOST_Q = 1e9  # [rad|m] where a float64 steps by 1e-7; beyond, sine and cosine say ever less of an arm

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats
-from catenary.dynamics import lines
+from catenary.dynamics import symbolic
 from catenary.kernels.compiled import in_motion
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line
@@ -40,7 +40,7 @@ def gravity_kernel(model: RobotModel) -> Kernel:
         >>> hold(np.array([0.5, 1.6, 0.4]), np.array([0.0, 0.0, -9.81])).round(3)
         array([-0.068, -0.456,  2.133])
     """
-    return known_kernel(model, "gravity", lines.gravity_line, (model.n,)).ready()
+    return known_kernel(model, "gravity", symbolic.gravity_line, (model.n,)).ready()
 
 
 def holding_kernel(model: RobotModel) -> Kernel:
@@ -52,7 +52,7 @@ def holding_kernel(model: RobotModel) -> Kernel:
     Inputs are q (n,) [rad|m]; gravity (3,), the free-fall acceleration less the acceleration of the base's origin
     [m/s2]; omega and alpha (3,), the angular velocity and acceleration of the base [rad/s, rad/s2]; all in base axes.
     """
-    return known_kernel(model, "holding", lines.holding_line, (model.n,)).ready()
+    return known_kernel(model, "holding", symbolic.holding_line, (model.n,)).ready()
 
 
 def inverse_dynamics_kernel(model: RobotModel) -> Kernel:
@@ -61,12 +61,12 @@ def inverse_dynamics_kernel(model: RobotModel) -> Kernel:
     Inputs are q, qd and qdd (n,) [rad|m, /s, /s2]; gravity, omega and alpha (3,) as in `holding_kernel`, omega and
     alpha zero on a base at rest.
     """
-    return known_kernel(model, "inverse-dynamics", lines.inverse_dynamics_line, (model.n,)).ready()
+    return known_kernel(model, "inverse-dynamics", symbolic.inverse_dynamics_line, (model.n,)).ready()
 
 
 def mass_matrix_kernel(model: RobotModel) -> Kernel:
     """Return `kernel(q)`, the mass matrix (n, n) at q (n,) [rad|m]; see `mass_matrix`."""
-    return known_kernel(model, "mass-matrix", lines.mass_matrix_line, (model.n, model.n)).ready()
+    return known_kernel(model, "mass-matrix", symbolic.mass_matrix_line, (model.n, model.n)).ready()
 
 
 def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Kernel:
@@ -76,7 +76,7 @@ def forward_kinematics_kernel(model: RobotModel, frame: str | None = None) -> Ke
         frame: Name of the frame; the tip when None.
     """
     name = model.tip if frame is None else frame
-    return known_kernel(model, f"pose-{name}", lambda m: lines.forward_kinematics_line(m, name), (3, 4)).ready()
+    return known_kernel(model, f"pose-{name}", lambda m: symbolic.forward_kinematics_line(m, name), (3, 4)).ready()
 
 
 class DynamicQuantity(NamedTuple):

@@ -22,9 +22,9 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows
-from catenary.dynamics.lines import new_terms, placed
 from catenary.dynamics.recursion import Vector, cross, dot, put, row, transpose_times
 from catenary.dynamics.robot_kernels import MANY_CONFIGURATIONS, known_kernel
+from catenary.dynamics.symbolic import new_terms, placed
 from catenary.errors import InputError
 from catenary.gravity.gravity_regressor import (
     CARRIED_MASS,
@@ -35,7 +35,7 @@ from catenary.gravity.gravity_regressor import (
     regressor_columns,
     require_parameters,
 )
-from catenary.gravity.written_terms import SHORT_TERMS, Terms, Written, WrittenTerms, sum_of, terms_text
+from catenary.gravity.symbolic_regressor import SHORT_TERMS, Terms, Written, WrittenTerms, sum_of, terms_text
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line, Term
 from catenary.robots.model import RobotModel

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal, get_args
 
-from catenary.dynamics import lines
+from catenary.dynamics import symbolic
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
@@ -103,17 +103,17 @@ def _traced(
     if quantity == "compact_regressor":
         regressor = compact_regressor(model)
         return regressor.line(), (n, len(regressor.labels)), "Z"
-    torques = partial(lines.inverse_dynamics_line, loads=loads)
+    torques = partial(symbolic.inverse_dynamics_line, loads=loads)
     table: dict[str, tuple[Callable[[RobotModel], Line], tuple[int, ...], str]] = {
-        "gravity": (lines.gravity_line, (n,), "tau"),
-        "holding": (lines.holding_line, (n,), "tau"),
-        "mass_matrix": (lines.mass_matrix_line, (n, n), "M"),
+        "gravity": (symbolic.gravity_line, (n,), "tau"),
+        "holding": (symbolic.holding_line, (n,), "tau"),
+        "mass_matrix": (symbolic.mass_matrix_line, (n, n), "M"),
         "inverse_dynamics": (partial(torques, moving_base=False), (n,), "tau"),
         "inverse_dynamics_on_moving_base": (torques, (n,), "tau"),
         "feedforward": (partial(torques, moving_base=False), (n,), "tau"),
-        "forward_dynamics": (partial(lines.forward_dynamics_line, loads=loads), (n,), "qdd"),
-        "forward_kinematics": (partial(lines.forward_kinematics_line, frame=frame), (3, 4), "pose"),
-        "standard_gravity_regressor": (lines.gravity_regressor_line, (n, 4 * links), "Z"),
+        "forward_dynamics": (partial(symbolic.forward_dynamics_line, loads=loads), (n,), "qdd"),
+        "forward_kinematics": (partial(symbolic.forward_kinematics_line, frame=frame), (3, 4), "pose"),
+        "standard_gravity_regressor": (symbolic.gravity_regressor_line, (n, 4 * links), "Z"),
     }
     traced, shape, result = table[quantity]
     return traced(model), shape, result

@@ -6,9 +6,9 @@ from numpy.typing import ArrayLike
 from catenary.arrays import Floats, as_array, as_batch
 from catenary.dynamics.inverse_dynamics import gravity_rows, warn_of_motion
 from catenary.dynamics.kinematics import link_poses
-from catenary.dynamics.lines import gravity_line
 from catenary.dynamics.recursion import gravity_recursion, place_tree, to_robot
 from catenary.dynamics.robot_kernels import DynamicQuantity
+from catenary.dynamics.symbolic import gravity_line
 from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError
 from catenary.kernels.compiled import compiled

@@ -16,8 +16,8 @@ from catenary.arrays import Floats, spread
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import DISPLAY
+from catenary.verdict.command_response import MOVED_DEG_MM, play
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import MOVED_DEG_MM, play
 
 _BLOCK_COUNT, _MIN_BLOCKS = 8, 4  # of time, whose spread gives the intervals; with reversals (rows of a slope, too)
 _TURN_SHARE = 0.05  # share of a joint's range that it must go back by for a reversal to count

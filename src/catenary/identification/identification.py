@@ -28,8 +28,8 @@ from catenary.identification.least_squares import axis_weights, condition_of_tri
 from catenary.identification.samples import Samples, alternate_blocks, prepare, with_base_wrench
 from catenary.plant import MotionLog
 from catenary.robots.actuation import Actuation, MotorInertia
-from catenary.robots.cut import BASE_JOINTS, driven_actuation
 from catenary.robots.model import RobotModel
+from catenary.robots.submodels import BASE_JOINTS, driven_actuation
 from catenary.spatial import STANDARD_GRAVITY
 from catenary.tables import Column, OnScreen, Screen, Table, joint_columns
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from catenary import __version__
 from catenary.archives import content_in_words, read_arrays
+from catenary.bounded_parsers import cut
 from catenary.cards import card_of, write_with_card
 from catenary.config import IN_FILES, parse_settings, plain_data
-from catenary.documents import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.identification.base_parameters import BaseParameters, Parameters
 from catenary.identification.identification import Identification

@@ -10,9 +10,9 @@ from catenary.arrays import Floats
 from catenary.config import IN_FILES
 from catenary.errors import InputError
 from catenary.robots.actuation import MotorInertia, SignalFilter, Weighting
-from catenary.robots.cut import BASE_JOINTS
 from catenary.robots.friction_terms import FRICTION_PARTS
 from catenary.robots.model import RobotModel
+from catenary.robots.submodels import BASE_JOINTS
 from catenary.spatial import LEVEL
 
 Terms = Literal["full", "static"]

@@ -17,9 +17,9 @@ from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.load_location import CarrierBelief, LoadBeliefs, likely, location_text, telling_joint
-from catenary.identification.explanations.beliefs import belief_of, belief_of_known
 from catenary.identification.explanations.evidence import Evidence
 from catenary.identification.explanations.loads import Load, differences, weigh_loads
+from catenary.identification.explanations.priors import belief_of, belief_of_known
 from catenary.identification.identification import Identification
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel

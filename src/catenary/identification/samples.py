@@ -5,7 +5,7 @@ acceleration less the acceleration of the base's origin: the negated reading of 
 elsewhere (`IdentifyOptions.base_sensor`) is converted with the base's rotation. `base_rate:x` ... [rad/s] is the base's
 angular velocity, `base_acceleration:x` ... [rad/s2] its derivative, computed from the rate if missing. `base_force:x`
 ... [N] and `base_moment:x` ... [Nm], about the base's origin, are the wrench on the base as a sensor under it measures:
-six more axes of the robot (`robots/cut.py`).
+six more axes of the robot (`robots/submodels.py`).
 
 Friction depends on more than one row. The filter of torques rounds the steps of Coulomb friction, so its column passes
 the same filter. Presliding friction depends on the path since the last reversals. Both are computed over the whole
@@ -30,9 +30,9 @@ from catenary.identification.identify_options import IdentifyOptions, filter_of,
 from catenary.kernels.compiled import compiled
 from catenary.plant import Joints, MotionLog
 from catenary.robots.actuation import SignalFilter
-from catenary.robots.cut import BASE_JOINTS, on_base_joints
 from catenary.robots.friction_terms import FrictionTerm
 from catenary.robots.model import RobotModel
+from catenary.robots.submodels import BASE_JOINTS, on_base_joints
 from catenary.spatial import LEVEL
 from catenary.verdict.units_and_scale import MAX_POSITIONS, limits_of
 

@@ -26,8 +26,8 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.control.correction import SlowTorque
 from catenary.control.realtime import Durations, Timing
-from catenary.crtk.inbox import Received
 from catenary.crtk.message import header, message_class
+from catenary.crtk.message_queues import Received
 from catenary.crtk.message_values import pose_message
 from catenary.crtk.reader import CrtkReader
 from catenary.crtk.serving.tool_pose import ToolPose

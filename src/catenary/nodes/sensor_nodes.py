@@ -17,9 +17,9 @@ from catenary.errors import InputError
 from catenary.gravity.vendors import in_controller_base, vendor_command
 from catenary.raven2.topics import EXT_JPOS, JOINT_ENC
 from catenary.robots.model import RobotModel
-from catenary.sensing.checks import Fault
+from catenary.sensing.gravity_vector import GravityReading, ReadingStatus, tilt_angle
 from catenary.sensing.imu import SensedGravity
-from catenary.sensing.vector import GravityReading, ReadingStatus, tilt_angle
+from catenary.sensing.imu_faults import Fault
 from catenary.spatial import LEVEL
 from catenary.topics import SECOND
 

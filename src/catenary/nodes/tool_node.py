@@ -9,8 +9,8 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.crtk.gravity_topic import PublishedGravity
-from catenary.crtk.inbox import Subscription
 from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.message_queues import Subscription
 from catenary.crtk.transport import Transport
 from catenary.errors import ExcitationError, InputError
 from catenary.robots.model import RobotModel

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from catenary.arrays import Integers
-from catenary.documents import reading, shortened
+from catenary.bounded_parsers import reading, shortened
 from catenary.errors import FileFormatError
 from catenary.file_formats import copied_as_text, format_named, format_of
 from catenary.recording.bag_records import DAMAGE, Block, Unpacking

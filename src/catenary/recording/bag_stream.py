@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 
 from catenary.arrays import Integers
-from catenary.documents import cut
+from catenary.bounded_parsers import cut
 from catenary.errors import FileFormatError
 from catenary.file_formats import copied_as_text
 from catenary.recording.bag_records import (

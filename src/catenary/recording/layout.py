@@ -14,7 +14,7 @@ from rosbags.interfaces.typing import Typesdict
 from rosbags.typesys import Stores, get_typestore
 
 from catenary.arrays import Flags, Floats, Integers, as_array
-from catenary.documents import cut
+from catenary.bounded_parsers import cut
 from catenary.dvrk_psm import psm_topic_named
 from catenary.errors import FileFormatError, InputError
 from catenary.raven2.topics import RAVEN_TOPICS

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catenary.bounded_parsers import cut, no_file, reading, shortened
 from catenary.config import Recorded, parse_json
-from catenary.documents import cut, no_file, reading, shortened
 from catenary.errors import FileFormatError, InputError, to_import
 from catenary.file_formats import format_of
 from catenary.files import damage, sha256_of, written_whole
@@ -22,8 +22,8 @@ from catenary.operating_system import lasting_folder
 from catenary.plant import JOINT_ARRAYS, Joints, MotionLog
 from catenary.robots.model import RobotModel
 from catenary.units import TORQUE_UNIT
-from catenary.verdict.mend import NO_MEND, Mend
-from catenary.verdict.turns import turned_back
+from catenary.verdict.corrections import NO_MEND, Mend
+from catenary.verdict.whole_turns import turned_back
 
 if TYPE_CHECKING:  # the importer brings rosbags and pyarrow, which a motion log alone does without
     from catenary.recording.import_formats.mapping import RecordingMapping
@@ -178,7 +178,7 @@ def read_torque_log(
 
 def _by_mapping(path: Path, mapping: "RecordingMapping", model: RobotModel | None) -> MotionLog:
     from catenary.recording.import_formats.importer import synchronise
-    from catenary.recording.import_formats.sources import Sources
+    from catenary.recording.import_formats.recording_files import Sources
 
     return synchronise(Sources([path]), mapping, model=model).log
 

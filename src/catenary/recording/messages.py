@@ -16,7 +16,7 @@ from rosbags.interfaces.typing import FieldDesc, Typesdict
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from catenary.documents import cut, shortened
+from catenary.bounded_parsers import cut, shortened
 from catenary.errors import FileFormatError
 
 _DATA: dict[str, Any] = tomllib.loads((files("catenary.recording") / "data" / "messages.toml").read_text("utf-8"))

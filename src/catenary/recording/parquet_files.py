@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from catenary.archives import MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO
-from catenary.documents import reading
+from catenary.bounded_parsers import reading
 
 ARROW = (pa.ArrowException, OSError, MemoryError, ValueError, OverflowError)  # what Arrow raises over a file
 MOST_COLUMNS = 5000  # a log of all that a RAVEN-II publishes has 400

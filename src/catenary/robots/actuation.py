@@ -17,7 +17,7 @@ from catenary.arrays import Floats, Listed, frozen
 from catenary.config import IN_FILES, file_keys
 from catenary.errors import InputError
 from catenary.robots.friction_terms import FRICTION_TERMS, FrictionTerm
-from catenary.robots.plausible import MAX_FACTOR, MAX_LENGTH_M, check_names, check_within
+from catenary.robots.plausibility import MAX_FACTOR, MAX_LENGTH_M, check_names, check_within
 
 Weighting = Literal["none", "range", "spread", "residual"]
 

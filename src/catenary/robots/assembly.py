@@ -12,7 +12,7 @@ import numpy as np
 
 from catenary.arrays import Flags, Floats, as_array
 from catenary.errors import FileFormatError, InputError, UnsupportedModelError
-from catenary.robots import plausible
+from catenary.robots import plausibility
 from catenary.robots.actuation import Actuation, check_actuation
 from catenary.robots.link_inertia import MIN_DOUBTED_KG, NO_INERTIA, LinkInertia, check_inertia, is_negative, unphysical
 from catenary.robots.model import BASE, Frame, Massless, RobotModel, Tree, is_base
@@ -90,12 +90,12 @@ def assemble(
         tip: Frame that kinematics mean by default; the last link of the longest chain otherwise.
         file_order: Names of the coordinates as the description lists them, where that may be another order.
     """
-    plausible.check_names("robot", [name])
+    plausibility.check_names("robot", [name])
     where = f'robot "{name}"'
-    if len(links) > plausible.MAX_LINKS:
-        raise UnsupportedModelError(f"{where}: {len(links)} links, expected at most {plausible.MAX_LINKS}")
-    plausible.check_names(f"{where}: link", [link.name for link in links])
-    plausible.check_names(f"{where}: frame", frames or {})
+    if len(links) > plausibility.MAX_LINKS:
+        raise UnsupportedModelError(f"{where}: {len(links)} links, expected at most {plausibility.MAX_LINKS}")
+    plausibility.check_names(f"{where}: link", [link.name for link in links])
+    plausibility.check_names(f"{where}: frame", frames or {})
     ordered = depth_first(where, links, root)
     _check_coordinates(where, coordinates)
     for link in ordered:
@@ -170,7 +170,7 @@ def _doubts(ordered: Sequence[Link], folded: "Folded", untold: Sequence[str]) ->
     for link, pose, body in zip(folded.moving, folded.poses, folded.inertia, strict=True):
         for what, vector in (("its joint", pose.position), ("its centre of mass", body.com)):
             length = float(np.linalg.norm(vector))
-            if length > plausible.LONG_LINK_M:
+            if length > plausibility.LONG_LINK_M:
                 doubts.append(f'link "{link.name}": {what} lies {length:.4g} m away; lengths are in m')
     for link in ordered:
         if link.inertia is None or link.inertia.mass == 0.0:
@@ -253,7 +253,7 @@ def _all_frames(where: str, carrier: Mapping[str, Frame], further: Mapping[str, 
         if name in frames:
             raise InputError(f'{where}: frame "{name}" has the name of another frame or link')
         as_rotation(f'{where}: frame "{name}": rotation', pose.rotation)
-        plausible.check_length(f'{where}: frame "{name}": position', pose.position)
+        plausibility.check_length(f'{where}: frame "{name}": position', pose.position)
         frames[name] = Frame(carrier[link].link, carrier[link].pose @ pose)
     return frames
 
@@ -286,8 +286,8 @@ def depth_first(where: str, links: Sequence[Link], root: str) -> list[Link]:
 
 
 def _check_coordinates(where: str, coordinates: Sequence[Coordinate]) -> None:
-    plausible.check_names(f"{where}: coordinate", [c.name for c in coordinates])
-    plausible.check_different(f"{where}: coordinate", [c.name for c in coordinates])
+    plausibility.check_names(f"{where}: coordinate", [c.name for c in coordinates])
+    plausibility.check_different(f"{where}: coordinate", [c.name for c in coordinates])
     for c in coordinates:
         what = f'{where}: coordinate "{c.name}"'
         if c.unit not in ("rad", "m"):
@@ -304,9 +304,9 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
         raise InputError(f'{what}: joint "{link.joint}", expected {" or ".join(get_args(JointKind))}')
     for part, pose in (("joint", link.pose), ("link frame", link.frame)):
         as_rotation(f"{what}: {part}: rotation", pose.rotation)
-        plausible.check_length(f"{what}: {part}: origin", pose.position)
-    plausible.check_within(
-        f"{what}: offset", as_array(f"{what}: offset", link.offset, ()), plausible.MAX_LENGTH_M, "rad or m"
+        plausibility.check_length(f"{what}: {part}: origin", pose.position)
+    plausibility.check_within(
+        f"{what}: offset", as_array(f"{what}: offset", link.offset, ()), plausibility.MAX_LENGTH_M, "rad or m"
     )
     if link.joint == "fixed" and link.variable:
         raise InputError(f"{what}: is fixed and moves with {', '.join(link.variable)}; expected one of the two")
@@ -319,7 +319,7 @@ def _check_link(where: str, link: Link, coordinates: Sequence[str]) -> None:
             )
         if not np.isfinite(factor):
             raise InputError(f'{what}: factor of "{coordinate}" is {factor}, expected a finite number')
-        plausible.check_within(f'{what}: factor of "{coordinate}"', factor, plausible.MAX_FACTOR, "")
+        plausibility.check_within(f'{what}: factor of "{coordinate}"', factor, plausibility.MAX_FACTOR, "")
     if link.inertia is not None:
         check_inertia(what, link.inertia)
         for axis, may, value in zip("xyz", link.axes_of_com, link.inertia.com, strict=True):

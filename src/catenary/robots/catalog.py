@@ -7,7 +7,7 @@ from importlib.resources import as_file, files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from catenary.documents import MOST_XML, cut, read_bounded, xml_root_tag
+from catenary.bounded_parsers import MOST_XML, cut, read_bounded, xml_root_tag
 from catenary.errors import FileFormatError, InputError
 from catenary.robots.model import Massless, RobotModel
 
@@ -95,7 +95,7 @@ def load_open(path: Path, *, massless: Massless = ()) -> RobotModel:
     """
     kind = path.suffix.lower()
     if kind == ".toml":
-        from catenary.robots.described import as_described, described_table, description_of
+        from catenary.robots.description_tables import as_described, described_table, description_of
 
         if (described := described_table(path)) is not None:
             description, chosen = description_of(path, described.description), massless or described.massless

@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import AliasChoices, Field
 
+from catenary.bounded_parsers import MOST_JSON, cut, json_table, read_bounded, without_comments
 from catenary.config import Recorded, parse_settings
-from catenary.documents import MOST_JSON, cut, json_table, read_bounded, without_comments
 from catenary.errors import FileFormatError, UnsupportedModelError
 from catenary.plant import nameless
 from catenary.robots.assembly import file_source, naming_the_file

@@ -127,7 +127,7 @@ _TERMS = (  # in the order of their columns
         scale=FrictionScale("stribeck_velocity", "speed", (0.05, 0.1, 0.2, 0.4, 0.8)),
     ),
     FrictionTerm(
-        "load", "k sign(v) abs(what links, rotors, springs ask)", lambda v: v.direction,
+        "load", "k sign(v) abs(torque of links, rotors, springs)", lambda v: v.direction,
         beside="coulomb", bounds=NOT_NEGATIVE, grows_with_load=True, leaps=True,
     ),
     # [Dahl, "A solid friction model", 1968], as on cables and elastic drives; in steady sliding it is sign(v)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.errors import InputError
 from catenary.robots.model import RobotModel
-from catenary.robots.plausible import MAX_LENGTH_M
+from catenary.robots.plausibility import MAX_LENGTH_M
 from catenary.spatial import Pose
 
 # [m] length up to which a segment has no direction: squares of shorter ones lose their digits

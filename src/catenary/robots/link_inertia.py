@@ -7,7 +7,7 @@ import numpy as np
 
 from catenary.arrays import Floats, as_array
 from catenary.errors import InputError
-from catenary.robots.plausible import MAX_INERTIA, MAX_MASS_KG, check_length, check_within
+from catenary.robots.plausibility import MAX_INERTIA, MAX_MASS_KG, check_length, check_within
 from catenary.spatial import Pose
 
 _ROUNDING_RATIO = 1e-6  # of the largest entry of an inertia; files print six digits or more

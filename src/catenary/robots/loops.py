@@ -16,8 +16,8 @@ from pydantic import Field
 from catenary.arrays import Floats
 from catenary.config import Settings
 from catenary.errors import ClosedLoopError, ConfigError, InputError, UnsupportedModelError
-from catenary.robots.cut import driven_by, own_coordinates
 from catenary.robots.model import Loop, Loops, RobotModel
+from catenary.robots.submodels import driven_by, own_coordinates
 from catenary.spatial import Pose
 
 _STEP = 0.05  # [rad or m] of a motor, from one place of the passive joints to the next

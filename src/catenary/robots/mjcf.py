@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.documents import MOST_XML, XML_COMMENT, plain_number, read_bounded, shortened, xml_tree
+from catenary.bounded_parsers import MOST_XML, XML_COMMENT, plain_number, read_bounded, shortened, xml_tree
 from catenary.errors import FileFormatError, UnsupportedModelError, imported
 from catenary.robots.actuation import StatedDrive, stated_actuation
 from catenary.robots.assembly import (
@@ -25,9 +25,9 @@ from catenary.robots.assembly import (
 )
 from catenary.robots.link_inertia import LinkInertia
 from catenary.robots.model import Loop, Loops, Massless, RobotModel
-from catenary.robots.plausible import MAX_LINKS
+from catenary.robots.plausibility import MAX_LINKS
 from catenary.spatial import Pose, identity_pose, rotation_from_quaternion
-from catenary.visible import visible
+from catenary.terminal_text import visible
 
 _WORLD = "world"  # MuJoCo's name of what everything hangs on
 # MuJoCo refuses to compile a moving body without mass. Such a file is compiled with these least values

@@ -13,7 +13,7 @@ from catenary.arrays import Floats, Listed, as_array, frozen
 from catenary.errors import InputError, MissingInertiaError
 from catenary.robots.actuation import Actuation, default_actuation
 from catenary.robots.link_inertia import LinkInertia, check_inertia, symmetric, unphysical
-from catenary.robots.plausible import HEAVY_RATIO, LONG_LINK_M
+from catenary.robots.plausibility import HEAVY_RATIO, LONG_LINK_M
 from catenary.spatial import Pose
 from catenary.tables import OnScreen, Screen, Table
 from catenary.units import shown_rows

@@ -7,13 +7,13 @@ from typing import Any
 from numpy.typing import NDArray
 
 from catenary.archives import content_in_words, read_arrays
+from catenary.bounded_parsers import cut, json_table, shortened
 from catenary.cards import card_of
 from catenary.config import parse_settings, plain_data
-from catenary.documents import cut, json_table, shortened
 from catenary.errors import FileFormatError, InputError
 from catenary.robots.actuation import check_actuation
 from catenary.robots.model import Massless, RobotModel, Tree
-from catenary.robots.plausible import MAX_LINKS
+from catenary.robots.plausibility import MAX_LINKS
 
 FORMAT = "catenary.identification.3"
 REMEDY = "`catenary identify` makes it again"

@@ -12,13 +12,13 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.bounded_parsers import MOST_XML, cut, read_bounded, xml_root_tag
 from catenary.config import load_toml
-from catenary.documents import MOST_XML, cut, read_bounded, xml_root_tag
 from catenary.errors import FileFormatError, InputError
 from catenary.robots import geometry
 from catenary.robots.assembly import left_out, naming_the_file
 from catenary.robots.catalog import catalogue_file, robot_names
-from catenary.robots.described import XML_ENDINGS, described_table, description_of
+from catenary.robots.description_tables import XML_ENDINGS, described_table, description_of
 from catenary.robots.dh_table import RobotTable
 from catenary.robots.mjcf import CompiledMjcf, compile_mjcf
 from catenary.robots.model import RobotModel

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.documents import MOST_XML, cut, plain_number, read_bounded, xml_tree
+from catenary.bounded_parsers import MOST_XML, cut, plain_number, read_bounded, xml_tree
 from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
 from catenary.robots.actuation import Actuation, StatedDrive, stated_actuation
 from catenary.robots.assembly import (

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.sensing.checks import GravityCheck, norm
+from catenary.sensing.imu_faults import GravityCheck, norm
 from catenary.spatial import STANDARD_GRAVITY, cross
 
 

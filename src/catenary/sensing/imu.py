@@ -10,15 +10,15 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.errors import InputError
-from catenary.sensing.bases import BaseSpectrum, base_spectrum
-from catenary.sensing.checks import Fault, GravityCheck, RateCheck, RawCheck, norm
+from catenary.sensing.fading_filters import Memories, lever, motion
 from catenary.sensing.fallback import SlowAttitude, SmoothTransfer
-from catenary.sensing.fallbacks import FALLBACKS
+from catenary.sensing.fallback_kinds import FALLBACKS
+from catenary.sensing.gravity_vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample
+from catenary.sensing.gyro_hypotheses import HIGH_PASS_S, TurningWatch
 from catenary.sensing.gyro_prediction import PredictedGravity, RestRate
-from catenary.sensing.memories import Memories, lever, motion
+from catenary.sensing.imu_faults import Fault, GravityCheck, RateCheck, RawCheck, norm
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.turning import HIGH_PASS_S, TurningWatch
-from catenary.sensing.vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample
+from catenary.sensing.platforms import BaseSpectrum, base_spectrum
 from catenary.spatial import LEVEL, STANDARD_GRAVITY
 
 # rate limits of gravity, angular velocity and angular acceleration of the base [m/s3, rad/s2, rad/s3]: ten times those
@@ -103,7 +103,7 @@ class _FaultMemory:
 class SensedGravity:
     """Estimate gravity, angular velocity and angular acceleration of a base from an IMU; a GravitySource.
 
-    Each tick takes new samples from a mailbox, checks them (checks.py), and evaluates filters of several memories
+    Each tick takes new samples from a mailbox, checks them (imu_faults.py), and evaluates filters of several memories
     (Memories) at the present time. The filters rotate with the gyroscope, so that filtering and the sample interval add
     no delay, and vibration averages out. With p the sensor's position from the base's origin,
 

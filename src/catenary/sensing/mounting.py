@@ -13,8 +13,8 @@ from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError, InputError
 from catenary.files import write_atomically
 from catenary.robots.model import RobotModel
-from catenary.robots.plausible import check_within
-from catenary.sensing.vector import Kind
+from catenary.robots.plausibility import check_within
+from catenary.sensing.gravity_vector import Kind
 from catenary.spatial import as_rotation
 
 Vector = tuple[float, float, float]

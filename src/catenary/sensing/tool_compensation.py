@@ -1,7 +1,7 @@
 """Tool compensation of a wrist's force/torque sensor: contact wrench without the tool's weight, inertia and zero.
 
 wrench = sign (reading - bias) - zero - load; the load is m (g - a) and its moment about the sensor's origin, in its
-axes, by recursive Newton-Euler (dynamics/lines.py) at the joints' positions and rates at the time of the reading.
+axes, by recursive Newton-Euler (dynamics/symbolic.py) at the joints' positions and rates at the time of the reading.
 """
 
 from collections import deque
@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from catenary.arrays import Floats, as_array, as_not_negative
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.dynamics.lines import carried_load_line
 from catenary.dynamics.robot_kernels import forward_kinematics_kernel
+from catenary.dynamics.symbolic import carried_load_line
 from catenary.kernels.kernel import Kernel
 from catenary.kernels.tracing import Line
 from catenary.robots.link_inertia import LinkInertia, symmetric

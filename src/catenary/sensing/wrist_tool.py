@@ -19,7 +19,7 @@ from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.errors import ConfigError, ExcitationError, InputError
 from catenary.files import write_atomically
 from catenary.robots.link_inertia import LinkInertia, check_inertia, symmetric
-from catenary.robots.plausible import LONG_LINK_M
+from catenary.robots.plausibility import LONG_LINK_M
 from catenary.spatial import Pose, angle_between, as_rotation, rotation_vector
 from catenary.verdict.finding import Finding
 

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from catenary.config import Settings, load_toml
 from catenary.errors import ConfigError
-from catenary.simulation.records import POSITIONING, PerAxis, PerJoint, PerTool, Record
+from catenary.simulation.compiled_records import POSITIONING, PerAxis, PerJoint, PerTool, Record
 
 Origin = Literal["source", "datasheet-memory", "assumed", "fitted"]
 _MAX_NUMBER = 1e12  # of any parameter

@@ -10,7 +10,7 @@ from catenary.dynamics.recursion import composite_body_recursion, newton_euler_r
 from catenary.kernels.compiled import inlined
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import Cable, CableDrive
-from catenary.simulation.records import PerAxis, PerJoint, Record
+from catenary.simulation.compiled_records import PerAxis, PerJoint, Record
 from catenary.transmission.cable_elasticity import (
     beyond_backlash,
     bouc_wen_step,

@@ -21,6 +21,7 @@ from catenary.robots.model import RobotModel, Tree
 from catenary.simulation.base_motion import BaseSamples, MovingBase
 from catenary.simulation.cable_parameters import CableArm, Firmware, Rig, load_cable_arm, right_arm, varied_arm
 from catenary.simulation.cable_physics import ArmState, Work, unstretched_rotors
+from catenary.simulation.compiled_records import OFF, POSITION, POSITIONING, TOOLS
 from catenary.simulation.firmware import (
     STOP_FOUND,
     STOP_SOUGHT,
@@ -35,7 +36,6 @@ from catenary.simulation.firmware import (
     run_ticks,
 )
 from catenary.simulation.firmware_plant import AXIS_FIELDS, FirmwarePlant, columns_of, half_cosine
-from catenary.simulation.records import OFF, POSITION, POSITIONING, TOOLS
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.cable_elasticity import MAX_LOSS, winding_of
 

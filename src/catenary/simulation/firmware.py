@@ -21,7 +21,16 @@ from catenary.raven2.transmission import COUNTS_PER_RADIAN
 from catenary.robots.model import Tree
 from catenary.simulation.cable_parameters import AxisFirmware, Cable, Firmware
 from catenary.simulation.cable_physics import ArmState, TreeWork, Work, link_dynamics, physics_step
-from catenary.simulation.records import AXES, POSITION, POSITIONING, TORQUE, CodePerAxis, PerAxis, PerJoint, Record
+from catenary.simulation.compiled_records import (
+    AXES,
+    POSITION,
+    POSITIONING,
+    TORQUE,
+    CodePerAxis,
+    PerAxis,
+    PerJoint,
+    Record,
+)
 from catenary.simulation.simulated_plant import PERIOD
 from catenary.transmission.cable_elasticity import joint_forces, joints_of, tensions_for, winding_of
 

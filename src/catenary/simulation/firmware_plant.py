@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from catenary.archives import read_arrays
 from catenary.arrays import Floats, as_array
-from catenary.documents import cut, json_table, shortened
+from catenary.bounded_parsers import cut, json_table, shortened
 from catenary.errors import FileFormatError, InputError, NotReadyError
 from catenary.files import written_whole
 from catenary.plant import Column, JointState
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, MovingBase, imu_reading
 from catenary.simulation.cable_physics import ArmState
+from catenary.simulation.compiled_records import AXES, OFF, POSITION, POSITIONING, TORQUE, Record
 from catenary.simulation.firmware import AxisLog
-from catenary.simulation.records import AXES, OFF, POSITION, POSITIONING, TORQUE, Record
 from catenary.simulation.simulated_plant import PERIOD, SimulatedPlant
 from catenary.transmission.cable_elasticity import RANDOM_MODULUS
 

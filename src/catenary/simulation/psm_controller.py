@@ -31,8 +31,8 @@ from catenary.simulation.cable_physics import (
     turn_rotor,
     unstretched_rotors,
 )
+from catenary.simulation.compiled_records import AXES, OFF, POSITIONING, SIZES, TORQUE, PerAxis, PerTool, Record
 from catenary.simulation.firmware import AxisControl, AxisLog, bounded_torque, write_row
-from catenary.simulation.records import AXES, OFF, POSITIONING, SIZES, TORQUE, PerAxis, PerTool, Record
 from catenary.simulation.simulated_plant import PERIOD
 
 ARM_JOINTS = AXES - 1  # number of joints without the jaw

@@ -11,6 +11,7 @@ from catenary.plant import Column
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.simulation.base_motion import BaseSamples, MovingBase
+from catenary.simulation.compiled_records import AXES, POSITION
 from catenary.simulation.firmware_plant import AXIS_FIELDS, FirmwarePlant, columns_of, half_cosine
 from catenary.simulation.psm_controller import (
     ARM_JOINTS,
@@ -26,7 +27,6 @@ from catenary.simulation.psm_controller import (
     unstretched_motors,
     varied_psm,
 )
-from catenary.simulation.records import AXES, POSITION
 from catenary.simulation.simulated_plant import PERIOD
 
 _PSM_UNITS = ("rad", "rad", "m", "rad", "rad", "rad", "rad")

@@ -9,8 +9,8 @@ import numpy as np
 
 from catenary.arrays import Floats, as_not_negative, as_positive
 from catenary.errors import InputError
+from catenary.sensing.gravity_vector import Kind, Mailbox
 from catenary.sensing.mounting import Mounting
-from catenary.sensing.vector import Kind, Mailbox
 from catenary.simulation.base_motion import MovingBase
 from catenary.spatial import STANDARD_GRAVITY, cross, rotation_about_x, rotation_about_z
 

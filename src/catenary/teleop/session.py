@@ -10,8 +10,8 @@ from catenary.plant import OperatingState, Plant, StateCommand, state_in_words
 from catenary.robots.model import RobotModel
 from catenary.teleop.motion import BACKWARD_KEYS, FORWARD_KEYS, KEY_TIMEOUT_S, RAMP_S, SPEED_KEYS, TeleopMotion
 from catenary.teleop.terminal import KeyReader, RawTerminal
+from catenary.terminal_text import range_bar, visible
 from catenary.units import in_words
-from catenary.visible import range_bar, visible
 
 _BAR_CHARACTERS = 20  # characters of a joint's range
 _HELP = (

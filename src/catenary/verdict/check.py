@@ -10,19 +10,17 @@ import numpy as np
 
 from catenary.arrays import Floats, Integers
 from catenary.errors import InputError
+from catenary.parallel import of_each
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
-from catenary.side_by_side import of_each
 from catenary.units import DISPLAY
+from catenary.verdict.command_response import MOVED_DEG_MM, Pairs, pairs_of, scales
+from catenary.verdict.corrections import NO_MEND, Mend
 from catenary.verdict.correspondence import correspondence_findings, joints_in_place
 from catenary.verdict.delay import Delay
 from catenary.verdict.finding import FINDINGS, Finding, judge, require_names
-from catenary.verdict.levels import leap_findings, turn_findings
-from catenary.verdict.mend import NO_MEND, Mend
-from catenary.verdict.out_of_step import delay_findings
-from catenary.verdict.pairs import MOVED_DEG_MM, Pairs, pairs_of, scales
-from catenary.verdict.sensors import (
+from catenary.verdict.sensor_faults import (
     coarse_findings,
     filled_findings,
     missing_findings,
@@ -30,7 +28,8 @@ from catenary.verdict.sensors import (
     sensor_findings,
     zero_findings,
 )
-from catenary.verdict.stamps import arrival_findings, count_poses, stamp_findings
+from catenary.verdict.time_shifts import delay_findings
+from catenary.verdict.timestamps import arrival_findings, count_poses, stamp_findings
 from catenary.verdict.units_and_scale import (
     range_findings,
     slope_findings,
@@ -38,6 +37,7 @@ from catenary.verdict.units_and_scale import (
     trained_findings,
     within_reason,
 )
+from catenary.verdict.zero_shifts import leap_findings, turn_findings
 
 _MAX_SHARED_SHARE = 0.01  # share of test rows that may be in the training data, as resting poses repeat
 _MAX_HASHES = 1_000_000  # number of hashes compared

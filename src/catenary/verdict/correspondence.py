@@ -6,8 +6,8 @@ import numpy as np
 
 from catenary.arrays import Floats, Integers
 from catenary.units import DISPLAY
+from catenary.verdict.command_response import Pairs, behind_slack
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import Pairs, behind_slack
 
 # On a real wrist with 20 deg of hysteresis a measurement keeps a correlation of 0.82 with its command, and no
 # other command comes near: unexplained variances are compared, and a third of them is far from chance.

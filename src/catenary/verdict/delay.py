@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from catenary.arrays import Flags, Floats, Integers, spread
 from catenary.plant import MotionLog
-from catenary.verdict.pairs import (
+from catenary.verdict.command_response import (
     MAX_EXPLAINED_ROWS,
     MIN_EXPLAINED_ROWS,
     MOVED_DEG_MM,

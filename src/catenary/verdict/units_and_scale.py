@@ -8,8 +8,8 @@ import numpy as np
 from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
+from catenary.verdict.command_response import MOVED_DEG_MM, Pairs, behind_slack, scales
 from catenary.verdict.finding import Finding
-from catenary.verdict.pairs import MOVED_DEG_MM, Pairs, behind_slack, scales
 
 _MIN_CORRELATION = 0.5  # correlation from which a slope means something
 _MAX_UNEXPLAINED = 0.1  # share of a measurement's variance, from which that no slope is believed

@@ -16,7 +16,7 @@ from typing import Self
 from catenary.errors import CatenaryError, InputError, MissingPackageError, to_install
 from catenary.monitor import Snapshot
 from catenary.operating_system import takes_more
-from catenary.view.shown import Change, PageContent, Value
+from catenary.view.page_content import Change, PageContent, Value
 from catenary.view.viser_page import ViserPage, open_server
 
 _DRAW_HZ = 20.0

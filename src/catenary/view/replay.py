@@ -15,9 +15,9 @@ from catenary.monitor import Snapshot
 from catenary.plant import Joints, MotionLog, joint_indices
 from catenary.robots.model import RobotModel
 from catenary.spatial import LEVEL
+from catenary.view.meshes import ArmShapes, arm_shapes
+from catenary.view.page_content import SPACING_S, Change, Control, ControlTab, PageContent, Value
 from catenary.view.page_process import PageProcess
-from catenary.view.shapes import ArmShapes, arm_shapes
-from catenary.view.shown import SPACING_S, Change, Control, ControlTab, PageContent, Value
 from catenary.workflows.project.calibrate import RECOMMENDED, TEST, TRAIN
 from catenary.workflows.project.folder import project_settings
 from catenary.workflows.robot.operated_robot import OperatedRobot

@@ -20,7 +20,7 @@ from catenary.errors import CatenaryError
 from catenary.monitor import Snapshot
 from catenary.spatial import angle_between
 from catenary.units import DISPLAY
-from catenary.view.shown import (
+from catenary.view.page_content import (
     ARMS,
     Change,
     Control,

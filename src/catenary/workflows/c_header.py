@@ -1,6 +1,6 @@
 """A robot, its actuation and its calibration model as one C header for the control loop of a real robot.
 
-The header's text is c_header.h, a template. Every rigid quantity in it is a traced line (dynamics/lines.py) that
+The header's text is c_header.h, a template. Every rigid quantity in it is a traced line (dynamics/symbolic.py) that
 kernels/c99.py writes, and so are friction, rotors, springs and known torques: the law stands in no second place.
 """
 
@@ -18,7 +18,7 @@ from catenary.calibration.corrector import Corrector
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_kinds import MODEL_KINDS
 from catenary.control.correction import SLOW_TORQUE_S
-from catenary.dynamics import lines
+from catenary.dynamics import symbolic
 from catenary.dynamics.actuation_loads import ActuationLoads, known_loads
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
@@ -116,7 +116,7 @@ def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
     """Return the header's lines about gravity, and values to check them by."""
     if not np.isfinite(model.coupling).all() or not np.isfinite(model.offset).all():
         raise InputError(f'robot "{model.name}": its coupling holds NaN or infinity')
-    gravity, compact = lines.gravity_line(model), compact_regressor(model)
+    gravity, compact = symbolic.gravity_line(model), compact_regressor(model)
     at: dict[str, Any] = {  # a value for every joint, none of them zero
         array: [0.1 * (step * k % 7 + 1) for k in range(model.n)] for step, array in enumerate(("q", "qd", "qdd"), 1)
     }
@@ -128,7 +128,7 @@ def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
         "sines": c_sines(name),
         "gravity": gravity,
         "gravity_there": evaluate_line(gravity, q=at["q"], gravity=at["gravity"]),
-        "regressor": lines.gravity_regressor_line(model),
+        "regressor": symbolic.gravity_regressor_line(model),
         "at": at,
         **({"compact": compact} if compact.labels else {}),
     }
@@ -136,10 +136,10 @@ def _gravity(model: RobotModel, name: str) -> dict[str, Any]:
 
 def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None) -> dict[str, Any]:
     """Return the header's lines about a motion, which needs moments of inertia, and values to check them by."""
-    motion = lines.inverse_dynamics_line(model)
+    motion = symbolic.inverse_dynamics_line(model)
     values: dict[str, Any] = {
-        "mass": lines.mass_matrix_line(model),
-        "holding": lines.holding_line(model),
+        "mass": symbolic.mass_matrix_line(model),
+        "holding": symbolic.holding_line(model),
         "motion": motion,
         "motion_there": evaluate_line(motion, **at),
         "loads": loads,
@@ -155,8 +155,8 @@ def _motion(model: RobotModel, at: dict[str, Any], loads: ActuationLoads | None)
     return values | {
         "sliding": f"Coulomb friction {how}",
         "effects": effects,
-        "friction": lines.friction_line(loads),
-        "drives": lines.drives_line(loads),
+        "friction": symbolic.friction_line(loads),
+        "drives": symbolic.drives_line(loads),
     }
 
 

@@ -10,24 +10,30 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.arrays import Floats
+from catenary.bounded_parsers import MOST_JSON, json_table, read_bounded
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.dataset import data_notes, usable_rows
 from catenary.calibration.evaluate import HARM_RATIO, OUTSIDE_SHARE, Evaluation, evaluate
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_recordings import FitResult, fit_logs
-from catenary.calibration.maintenance import NewDay, judge_recordings, mended_as_trained, refresh_with, trained_limits
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.model_drift import DRIFT_FACTOR, DriftFound, find_card_drift, find_drift, since_in_words
 from catenary.calibration.model_file import load_model
+from catenary.calibration.model_maintenance import (
+    NewDay,
+    judge_recordings,
+    mended_as_trained,
+    refresh_with,
+    trained_limits,
+)
 from catenary.calibration.recordings import Recordings
-from catenary.documents import MOST_JSON, json_table, read_bounded
 from catenary.errors import InputError
 from catenary.file_formats import format_of
 from catenary.files import sha256_of
+from catenary.parallel import Progress, of_each, silent
 from catenary.plant import Joints, MotionLog, nameless
 from catenary.recording.import_formats.mapping import RecordingMapping
 from catenary.recording.logs import Reading, on_disk, read_log, read_recording
-from catenary.side_by_side import Progress, of_each, silent
 
 _MAX_ROWS_IN_MEMORY = 20_000  # rows of a recording, one of several, that lies on disk until its turn comes
 

@@ -24,7 +24,7 @@ from catenary.calibration.recordings import error_limits
 from catenary.errors import CatenaryError, ExcitationError, FileFormatError, InputError
 from catenary.file_formats import endings, format_named, format_of
 from catenary.files import card_path, card_text
-from catenary.gravity.mass_doubts import mass_doubts
+from catenary.gravity.mass_plausibility import mass_doubts
 from catenary.identification.explanations.findings import torque_findings
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
@@ -33,7 +33,7 @@ from catenary.identification.samples import check_positions, prepare
 from catenary.plant import MotionLog, joints_text
 from catenary.recording.bag_reader import METADATA, bags_in, is_journal
 from catenary.recording.import_formats.imu_recording import read_imu
-from catenary.recording.import_formats.sources import needs_mapping
+from catenary.recording.import_formats.recording_files import needs_mapping
 from catenary.recording.logs import Reading, read_recording, read_torque_log
 from catenary.reports.calibration import card_facts, model_name
 from catenary.reports.joint_errors import overlay
@@ -43,10 +43,10 @@ from catenary.robots.model import RobotModel
 from catenary.tables import Column, Table
 from catenary.units import DISPLAY
 from catenary.verdict.check import MAX_ERROR_OPTION, judged, repeated_findings, robot_of
+from catenary.verdict.command_response import MOVED_DEG_MM, OUTLIER_SIGMAS, hysteresis_of, outliers
+from catenary.verdict.corrections import NO_MEND, Mend, retimed_by, units_of
 from catenary.verdict.finding import Finding
-from catenary.verdict.mend import NO_MEND, Mend, retimed_by, units_of
-from catenary.verdict.pairs import MOVED_DEG_MM, OUTLIER_SIGMAS, hysteresis_of, outliers
-from catenary.verdict.stamps import stamp_findings
+from catenary.verdict.timestamps import stamp_findings
 from catenary.workflows.import_recording import import_recording, known_layout, propose_mapping
 from catenary.workflows.project.folder import SETTINGS
 

@@ -18,7 +18,7 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import InputError
 from catenary.file_formats import format_of
 from catenary.files import write_atomically
-from catenary.gravity.mass_doubts import mass_doubts
+from catenary.gravity.mass_plausibility import mass_doubts
 from catenary.identification.drive_gains import DriveGains
 from catenary.identification.explanations.findings import (
     GAINS,
@@ -37,14 +37,14 @@ from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joint_indices, joint
 from catenary.recording.import_formats.table_files import read_rows
 from catenary.recording.logs import Reading, read_torque_log
 from catenary.robots.catalog import load_robot
-from catenary.robots.cut import lock_joints
 from catenary.robots.model import RobotModel
+from catenary.robots.submodels import lock_joints
 from catenary.sensing.wrist_tool import WristTool, weigh_tool
 from catenary.units import TORQUE_UNIT
 from catenary.verdict.check import repeated_findings
+from catenary.verdict.corrections import mends_of
 from catenary.verdict.finding import judge, require_names
-from catenary.verdict.mend import mends_of
-from catenary.verdict.stamps import stamp_findings
+from catenary.verdict.timestamps import stamp_findings
 from catenary.workflows.import_recording import import_recording
 
 STILL = {"rad": 0.02, "m": 0.005}  # [rad], [m] largest motion of a held joint

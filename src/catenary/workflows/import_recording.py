@@ -17,22 +17,22 @@ import numpy as np
 
 from catenary.arrays import Floats, Integers
 from catenary.errors import InputError
+from catenary.parallel import Progress, silent
 from catenary.plant import MotionLog
 from catenary.recording.import_formats.columns import Stream, joined, not_used
 from catenary.recording.import_formats.importer import NoRowError, columns_wanted, synchronise
 from catenary.recording.import_formats.known_layouts import MOTION_LOG, TORQUE_LOG, layout_of_files, read_layout
 from catenary.recording.import_formats.mapping import RecordingMapping, mapping_of
 from catenary.recording.import_formats.proposal import Proposal, propose
-from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.recording_files import Sources
 from catenary.recording.import_formats.table_time import time_of
 from catenary.recording.logs import read_log, write_pieces
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.side_by_side import Progress, silent
 from catenary.verdict.check import findings_of, robot_of
+from catenary.verdict.corrections import Mend, si_units, units_of
 from catenary.verdict.finding import Finding
-from catenary.verdict.mend import Mend, si_units, units_of
-from catenary.verdict.turns import turned_back
+from catenary.verdict.whole_turns import turned_back
 
 _MAX_JUDGED_POSITIONS = 4_000_000  # joint positions; checking them takes 0.6 GB
 PathLike = str | Path

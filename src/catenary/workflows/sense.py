@@ -21,13 +21,7 @@ from catenary.errors import InputError, SensorError
 from catenary.recording.import_formats.imu_recording import ImuRecording
 from catenary.recording.import_formats.table_files import read_rows
 from catenary.robots.model import RobotModel
-from catenary.sensing.checks import Fault
-from catenary.sensing.gyro_prediction import RestRate
-from catenary.sensing.imu import SensedGravity
-from catenary.sensing.mounting import Mounting, TumbleSection
-from catenary.sensing.tumble import SensorFit, align, fit_orientations, fit_tumble, level_and_tilts
-from catenary.sensing.turning import SensedTurn, compare, integral
-from catenary.sensing.vector import (
+from catenary.sensing.gravity_vector import (
     GravityReading,
     Kind,
     Mailbox,
@@ -37,6 +31,12 @@ from catenary.sensing.vector import (
     tilt_of,
     tilted_gravity,
 )
+from catenary.sensing.gyro_hypotheses import SensedTurn, compare, integral
+from catenary.sensing.gyro_prediction import RestRate
+from catenary.sensing.imu import SensedGravity
+from catenary.sensing.imu_faults import Fault
+from catenary.sensing.mounting import Mounting, TumbleSection
+from catenary.sensing.tumble import SensorFit, align, fit_orientations, fit_tumble, level_and_tilts
 from catenary.simulation.base_motion import FixedBase
 from catenary.simulation.sensors import SensorModel, SimulatedSensor
 from catenary.spatial import STANDARD_GRAVITY

@@ -130,7 +130,7 @@ def _hdf5() -> bytes:
 
 
 def _read_tables(path: Path) -> None:
-    from catenary.recording.import_formats.sources import Sources
+    from catenary.recording.import_formats.recording_files import Sources
 
     Sources([path])
 

@@ -42,7 +42,7 @@ def loop(seed: int, folder: Path) -> None:
     from catenary.control.shutdown import MAX_STEP
     from catenary.errors import CatenaryError
     from catenary.trajectories.reference import Reference
-    from catenary.workflows.trials import simulated_arm
+    from catenary.workflows.gravity_trials import simulated_arm
 
     rng = random.Random(seed)
     arm = simulated_arm(rng.choice(["raven2", "ur5e", "panda"]), payload=rng.choice([0.0, 2.0, 8.0]))

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catenary.identification.explanations.columns import nothing_supposed
 from catenary.identification.explanations.evidence import Evidence
 from catenary.identification.explanations.findings import (
     ExplainedRecording,
@@ -16,12 +15,13 @@ from catenary.identification.explanations.findings import (
     unseen_joints,
 )
 from catenary.identification.explanations.hypotheses import HYPOTHESES
+from catenary.identification.explanations.regressor_columns import nothing_supposed
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import Samples, prepare
 from catenary.robots.catalog import load_robot
 from catenary.robots.urdf import load_urdf
+from catenary.verdict.corrections import Mend
 from catenary.verdict.finding import FINDINGS
-from catenary.verdict.mend import Mend
 from known_torques import TRUTHS, Truth, drawn, known_torques
 from moving_arm import recorded
 from oracles.geared_arm import ur10_log, write_ur10

@@ -14,7 +14,7 @@ from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.sinusoids import FASTEST_SPEEDS, SLOWEST_SPEEDS
 from catenary.trajectories.zigzag import CALIBRATION_LOWER, CALIBRATION_UPPER
-from catenary.workflows.trials import rigid_arm
+from catenary.workflows.gravity_trials import rigid_arm
 from papers.beyond.calibration_and_gravity import CalibratedGravity
 from papers.beyond.paths import crossings, designed
 from papers.beyond.registration import OFFSETS, carried_back, shift_of

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from catenary import gravity_torque, load_robot
 from catenary.simulation.cable_parameters import load_cable_arm
-from catenary.workflows.trials import RAVEN_START, raven_gains
+from catenary.workflows.gravity_trials import RAVEN_START, raven_gains
 from papers.experiment import Result
 from papers.gravity.passive import neutral
 from papers.gravity.raven_base import Z0, turned_base

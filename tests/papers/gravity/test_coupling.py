@@ -6,7 +6,7 @@ from catenary import JointPD, load_robot, mass_matrix, run_loop
 from catenary.control.loop import Tick
 from catenary.simulation.base_motion import RockingBase
 from catenary.trajectories.reference import Rest
-from catenary.workflows.trials import RAVEN_START, rigid_arm
+from catenary.workflows.gravity_trials import RAVEN_START, rigid_arm
 from papers.gravity import coupling
 from papers.gravity.raven_base import Z0
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary import CablePlant, gravity_torque, load_robot
-from catenary.sensing.vector import Kind, Mailbox
+from catenary.sensing.gravity_vector import Kind, Mailbox
 from catenary.spatial import LEVEL
 from papers.gravity.raven_base import ASIDE, Z0, rocking_base, turned_base
 from papers.gravity.sensing import JOINTS_OFF, lacking_torque

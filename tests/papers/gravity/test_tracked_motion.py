@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from catenary import load_robot
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.trajectories.cartesian import CartesianSinusoids
-from catenary.workflows.trials import RAVEN_START
+from catenary.workflows.gravity_trials import RAVEN_START
 from papers.gravity.joint_3 import Variation, varied_joint_3
 from papers.gravity.raven_base import raven_of_2014
 from papers.gravity.tracking import INCREMENT, WorkspaceIncrements

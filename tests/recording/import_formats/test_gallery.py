@@ -12,7 +12,7 @@ import gallery
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.column_groups import by_motion
 from catenary.recording.import_formats.mapping import TrackedPose
-from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.recording_files import Sources
 from catenary.recording.import_formats.tracked_pose import pose_places, positions_and_rotations
 from catenary.workflows.import_recording import import_recording, propose_mapping
 from gallery import trackers

@@ -17,8 +17,8 @@ from catenary.arrays import Floats
 from catenary.errors import ConfigError, FileFormatError, InputError
 from catenary.recording.logs import Reading, read_recording, read_torque_log
 from catenary.robots.catalog import load_robot
-from catenary.verdict.mend import Mend
-from catenary.verdict.turns import unwrapped
+from catenary.verdict.corrections import Mend
+from catenary.verdict.whole_turns import unwrapped
 from catenary.workflows.import_recording import import_recording
 from lab_bags import JOINT_STATE, JOINTS, Message, joint_state, true_q, two_topics, write_bag
 from lab_tables import TABLES

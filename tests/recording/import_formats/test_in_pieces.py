@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.recording import bag_reader
-from catenary.recording.import_formats import csv_files, sources
+from catenary.recording.import_formats import csv_files, recording_files
 from catenary.recording.logs import read_log
 from catenary.workflows import import_recording as in_pieces
 from catenary.workflows.import_recording import ImportedLog, import_recording, import_to_file
@@ -28,7 +28,7 @@ MAPPING = ["q_nominal=cmd1,cmd2", "q_encoder=enc1,enc2"]
 
 @pytest.fixture
 def pieces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sources, "_LONG_FILE_BYTES", 1000)
+    monkeypatch.setattr(recording_files, "_LONG_FILE_BYTES", 1000)
     monkeypatch.setattr(csv_files, "_SAMPLED_NUMBERS", 10_000)
     monkeypatch.setattr(in_pieces, "_PIECE_NUMBERS", 5 * 700)
     monkeypatch.setattr(in_pieces, "_OVERLAP_ROWS", 200)
@@ -159,7 +159,7 @@ def test_a_bags_log_does_not_depend_on_the_pieces(
     whole = import_recording(paths, mapping)
     monkeypatch.setattr(in_pieces, "_PIECE_NUMBERS", 12 * 40)
     monkeypatch.setattr(in_pieces, "_OVERLAP_ROWS", 15)
-    monkeypatch.setattr(sources, "_BATCH_MESSAGES", 20)
+    monkeypatch.setattr(recording_files, "_BATCH_MESSAGES", 20)
     monkeypatch.setattr(bag_reader, "_MESSAGES_AT_ONCE", 20)
     done = import_to_file(tmp_path / "log.parquet", paths, mapping)
     log = read_log(tmp_path / "log.parquet")

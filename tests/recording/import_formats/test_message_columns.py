@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from rosbags.rosbag1 import Writer
 
 from catenary.errors import FileFormatError
-from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.recording_files import Sources
 from catenary.workflows.import_recording import import_recording
 from lab_bags import KINDS, START, Kind, Message, true_q, two_topics, write_bag
 

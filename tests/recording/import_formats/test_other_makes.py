@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from catenary.recording.import_formats.columns import places_of
-from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.recording_files import Sources
 from catenary.workflows.import_recording import propose_mapping
 from gallery import QD, TAU, Q, T
 

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.io import savemat
 
+from catenary.bounded_parsers import toml_table
 from catenary.config import parse_settings
-from catenary.documents import toml_table
 from catenary.errors import ConfigError, InputError
 from catenary.recording.import_formats.column_groups import candidates_of
 from catenary.recording.import_formats.columns import Stream

@@ -14,14 +14,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
-from catenary.documents import toml_table
+from catenary.bounded_parsers import toml_table
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
 from catenary.dynamics.kinematics import forward_kinematics, jacobian
 from catenary.errors import ConfigError, FileFormatError, InputError
-from catenary.recording.import_formats import sources
+from catenary.recording.import_formats import recording_files
 from catenary.recording.import_formats.mapping import TrackedPose
+from catenary.recording.import_formats.recording_files import Sources
 from catenary.recording.import_formats.registration import TrackedPoses
-from catenary.recording.import_formats.sources import Sources
 from catenary.recording.import_formats.tracked_pose import deviations, joints_from_poses, pose_places
 from catenary.robots.catalog import load_robot
 from catenary.spatial import Pose, quaternion_from_rotation, rotation_from_rpy
@@ -356,6 +356,6 @@ def test_a_tip_that_is_elsewhere_is_named_with_its_distance(tmp_path: Path, monk
         assert not words or re.search(words, told[0]), told
     monkeypatch.setattr(in_pieces, "_PIECE_NUMBERS", 13 * 100)
     monkeypatch.setattr(in_pieces, "_OVERLAP_ROWS", 20)
-    monkeypatch.setattr(sources, "_BATCH_MESSAGES", 50)
+    monkeypatch.setattr(recording_files, "_BATCH_MESSAGES", 50)
     done = import_to_file(tmp_path / "log.parquet", [tmp_path / "another_tool.bag"], mapping)
     assert len([note for note in done.notes if "from the tip of" in note]) == 1

@@ -13,7 +13,7 @@ from catenary.sensing.imu import SensedGravity
 from catenary.simulation.base_motion import SwayingBase, Wave
 from catenary.spatial import Pose
 from catenary.trajectories.reference import Rest
-from catenary.workflows.trials import base_sensor, rigid_arm, simulated_arm, track, with_gains
+from catenary.workflows.gravity_trials import base_sensor, rigid_arm, simulated_arm, track, with_gains
 
 UR5E = "examples/ur5e.urdf"
 DECK = SwayingBase(

@@ -17,7 +17,7 @@ from catenary.simulation.cable_parameters import RAVEN2_STIFF, load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.trajectories.reference import Reference, Rest
 from catenary.trajectories.smoothed_path import go_to
-from catenary.workflows.trials import (
+from catenary.workflows.gravity_trials import (
     HOLD_START,
     SimulatedArm,
     base_sensor,

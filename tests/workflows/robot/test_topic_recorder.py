@@ -16,7 +16,7 @@ from catenary.errors import NotReadyError, RecordingError, TransportError
 from catenary.raven2.topics import EXT_JPOS, RAVENSTATE_100HZ, in_channels, raven_topics
 from catenary.recording.bag_reader import JournalReader, open_recording
 from catenary.recording.import_formats.known_layouts import read_raven
-from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.recording_files import Sources
 from catenary.recording.journal import About
 from catenary.topics import SECOND
 from catenary.trajectories.reference import Trajectory

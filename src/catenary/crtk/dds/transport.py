@@ -25,8 +25,8 @@ from catenary.crtk.dds.program import (
     message_type,
     taken,
 )
-from catenary.crtk.inbox import UNTAKEN_MESSAGES, Origin
 from catenary.crtk.message import CDR, Message, codec
+from catenary.crtk.message_queues import UNTAKEN_MESSAGES, Origin
 from catenary.crtk.network import RosArguments
 from catenary.crtk.transport import SETTLE_S, HeardTopic, Publisher, Transport, wait_until_settled
 from catenary.errors import TransportError

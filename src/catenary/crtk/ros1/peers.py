@@ -31,8 +31,8 @@ import rospy
 from rospy.exceptions import TransportTerminated
 from rospy.impl import tcpros_base
 
-from catenary.crtk.inbox import Origin
 from catenary.crtk.message import MESSAGE_BYTES, Message
+from catenary.crtk.message_queues import Origin
 from catenary.crtk.transport import HeardTopic, Publisher
 
 _LOOK = 1.0  # [s] between two looks whether a peer that reads nothing has gone

@@ -16,8 +16,8 @@ at any time.
 from collections.abc import Set
 
 from catenary.crtk.exclusive_control import STOPPING_COMMANDS
-from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import stamp_of
+from catenary.crtk.message_queues import Arrival
 from catenary.crtk.serving.reports import Reports
 from catenary.crtk.topic_names import COMMAND, CrtkTopic
 from catenary.crtk.transport import Transport

@@ -14,8 +14,8 @@ import numpy as np
 
 from catenary.crtk.client import STARTS_TEXT
 from catenary.crtk.exclusive_control import WATCH_EVERY_NS, Commander, another_robot, require_no_other_robot
-from catenary.crtk.inbox import Arrival
 from catenary.crtk.message import Message, header, message_class
+from catenary.crtk.message_queues import Arrival
 from catenary.crtk.message_values import Stamps, joint_state_message
 from catenary.crtk.serving.command_source import TOPIC_COMMANDS_A_TICK, CommandSource
 from catenary.crtk.serving.dialect import Dialect, LazyPublisher

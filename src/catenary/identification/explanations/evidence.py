@@ -23,8 +23,15 @@ from scipy.special import log_ndtr
 
 from catenary.arrays import Floats
 from catenary.dynamics.torque_regressor import PER_LINK
-from catenary.identification.explanations.beliefs import Belief, belief_of_file
-from catenary.identification.explanations.columns import Added, Beside, Rows, Supposed, nothing_supposed, side_by_side
+from catenary.identification.explanations.priors import Belief, belief_of_file
+from catenary.identification.explanations.regressor_columns import (
+    Added,
+    Beside,
+    Rows,
+    Supposed,
+    nothing_supposed,
+    side_by_side,
+)
 from catenary.identification.samples import Samples
 from catenary.robots.model import RobotModel
 

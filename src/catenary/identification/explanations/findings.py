@@ -15,10 +15,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.identification.explanations.beliefs import Belief, belief_of
-from catenary.identification.explanations.columns import Rows, Supposed
 from catenary.identification.explanations.evidence import Evidence, Fit
 from catenary.identification.explanations.hypotheses import HYPOTHESES, UNSURE, Hypothesis, PossibleCause, Trial
+from catenary.identification.explanations.priors import Belief, belief_of
+from catenary.identification.explanations.regressor_columns import Rows, Supposed
 from catenary.identification.identification import CarriedBody, Identification
 from catenary.identification.samples import Samples
 from catenary.robots.actuation import Friction, MotorInertia

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.identification.explanations.columns import Added, Supposed
 from catenary.identification.explanations.evidence import Evidence, Extra
+from catenary.identification.explanations.regressor_columns import Added, Supposed
 from catenary.spatial import STANDARD_GRAVITY, angle_between
 from catenary.units import TORQUE_UNIT
 

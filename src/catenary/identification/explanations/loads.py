@@ -16,9 +16,9 @@ from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
 from catenary.gravity.load_location import load_of_any_size, log_evidence, mixed
-from catenary.identification.explanations.beliefs import Belief
 from catenary.identification.explanations.evidence import Evidence, Extra, Fit
 from catenary.identification.explanations.findings import posterior
+from catenary.identification.explanations.priors import Belief
 
 _LOAD_PRICE = 1.0  # [nats] negative log prior odds of a load
 _GAIN_STD, _TILT_STD_RAD, _FRICTION_STD = 0.05, np.deg2rad(2.5), 0.3

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.arrays import Floats, Integers, without_missing
-from catenary.documents import cut
+from catenary.bounded_parsers import cut
 from catenary.errors import InputError
 
 _MAX_NAMES_SHOWN = 12  # names that an error lists

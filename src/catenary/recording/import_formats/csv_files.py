@@ -19,7 +19,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 from numpy.typing import NDArray
 
-from catenary.documents import cut, plain_number, reading
+from catenary.bounded_parsers import cut, plain_number, reading
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.columns import Stream, joined
 from catenary.recording.journal import About

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import MAX_ARRAYS, MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO
-from catenary.documents import MAX_LEVELS, MOST_JSON, cut, json_table, read_bounded, reading
+from catenary.bounded_parsers import MAX_LEVELS, MOST_JSON, cut, json_table, read_bounded, reading
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.columns import Stream, arrays_of, listed, natural
 from catenary.recording.import_formats.table_files import read_parquet_table, streams_of_arrays

@@ -8,22 +8,22 @@ from typing import NamedTuple
 import numpy as np
 
 from catenary.arrays import Flags, Floats, Integers
-from catenary.documents import cut
+from catenary.bounded_parsers import cut
 from catenary.errors import InputError
 from catenary.plant import Joints, MotionLog, joint_indices, joints_text, nameless
 from catenary.recording.import_formats.column_groups import Candidate, joints_meant
 from catenary.recording.import_formats.column_units import Units, encoder_units, factors, joint_units_of
 from catenary.recording.import_formats.columns import Place, Stream, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
-from catenary.recording.import_formats.one_clock import OneClock
-from catenary.recording.import_formats.series import Series, TopicReport, interpolate
-from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.recording_files import Sources
+from catenary.recording.import_formats.sampled_signals import Series, TopicReport, interpolate
+from catenary.recording.import_formats.synchronisation import OneClock
 from catenary.recording.import_formats.table_time import times_among
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
 from catenary.topics import SECOND
 from catenary.transmission.cable_elasticity import joint_forces
-from catenary.verdict.turns import TURN, in_one_turn, unwrapped
+from catenary.verdict.whole_turns import TURN, in_one_turn, unwrapped
 
 _SIGNED = "-"
 _BESIDE_NS = 10_000_000  # [ns] before and after a pose, for a speed by finite differences

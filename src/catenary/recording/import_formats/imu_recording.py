@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from catenary.arrays import Flags, Floats
-from catenary.documents import cut
+from catenary.bounded_parsers import cut
 from catenary.errors import FileFormatError, InputError
 from catenary.recording.import_formats.columns import WORDS, Stream, listed, places_of
-from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.recording_files import Sources
 from catenary.recording.import_formats.table_time import time_of, times_among
 from catenary.units import ACCELERATION_UNITS, RATE_UNITS
 

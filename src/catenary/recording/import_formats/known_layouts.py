@@ -36,7 +36,7 @@ from catenary.recording.bag_reader import open_recordings
 from catenary.recording.import_formats.columns import Stream
 from catenary.recording.import_formats.importer import Synchronisation, synchronise
 from catenary.recording.import_formats.mapping import Signal, layout_mapping
-from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.recording_files import Sources
 from catenary.recording.import_formats.table_files import read_table_file, streams_of_arrays
 from catenary.recording.parquet_files import open_parquet
 from catenary.robots.model import RobotModel

@@ -12,13 +12,13 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from catenary.arrays import Floats
+from catenary.bounded_parsers import cut
 from catenary.config import Settings, load_toml, parse_settings
-from catenary.documents import cut
 from catenary.errors import ConfigError
 from catenary.recording.import_formats.table_time import TimeUnit
 from catenary.spatial import Pose, rotation_from_quaternion
 from catenary.units import TO_SI
-from catenary.verdict.mend import clock_of
+from catenary.verdict.corrections import clock_of
 
 Unit = Literal["rad", "deg", "m", "cm", "mm", "counts"]
 SI = {unit: TO_SI[unit] for unit in ("rad", "deg", "m", "cm", "mm")}

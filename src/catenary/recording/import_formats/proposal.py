@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from catenary.bounded_parsers import toml_table
 from catenary.config import parse_settings
-from catenary.documents import toml_table
 from catenary.errors import InputError
 from catenary.recording.import_formats.column_groups import (
     Candidate,
@@ -22,11 +22,11 @@ from catenary.recording.import_formats.column_groups import (
 from catenary.recording.import_formats.column_units import encoder_units, nominal_units
 from catenary.recording.import_formats.columns import Stream, ends, listed, not_used, places_of
 from catenary.recording.import_formats.mapping import SI, RecordingMapping, words_of
-from catenary.recording.import_formats.sources import Sources
+from catenary.recording.import_formats.recording_files import Sources
 from catenary.recording.import_formats.table_time import UNITS, CoarseTimeError, time_columns, time_of, times_among
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.visible import visible
+from catenary.terminal_text import visible
 
 _MAX_JOINTS_SHOWN = 8
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from catenary.archives import MAX_ARRAYS, MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO, read_array, read_arrays
 from catenary.arrays import Floats
-from catenary.documents import cut, reading
+from catenary.bounded_parsers import cut, reading
 from catenary.errors import FileFormatError, InputError
 from catenary.file_formats import endings, format_named, format_of
 from catenary.recording.import_formats.columns import Stream, joined

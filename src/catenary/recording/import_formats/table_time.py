@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator
 
 from catenary.arrays import Integers
-from catenary.documents import cut
+from catenary.bounded_parsers import cut
 from catenary.errors import InputError
 from catenary.plant import FIRST_DATE_S
 from catenary.recording.import_formats.columns import Stream, places_of

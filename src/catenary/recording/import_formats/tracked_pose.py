@@ -10,7 +10,7 @@ from itertools import permutations, product
 import numpy as np
 
 from catenary.arrays import Flags, Floats
-from catenary.documents import cut
+from catenary.bounded_parsers import cut
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
 from catenary.dynamics.kinematics import Configuration
 from catenary.errors import InputError

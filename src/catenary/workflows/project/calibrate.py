@@ -15,9 +15,9 @@ from catenary.calibration.model_file import load_model, save_model
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
 from catenary.files import card_path, sha256_of
+from catenary.parallel import Progress, silent
 from catenary.recording.logs import Reading, read_recording
 from catenary.reports.project import shown_name, write_project_report
-from catenary.side_by_side import Progress, silent
 from catenary.trajectories.reference import Trajectory
 from catenary.verdict.check import require_apart
 from catenary.workflows.calibration_model import held_against, read_to_fit, recordings_for, warnings_of

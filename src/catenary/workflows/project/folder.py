@@ -21,8 +21,8 @@ from typing import Annotated, Any, Self
 from pydantic import Field
 
 from catenary import __version__
+from catenary.bounded_parsers import json_value, read_bounded
 from catenary.config import IN_FILES, Recorded, parse_settings
-from catenary.documents import json_value, read_bounded
 from catenary.dvrk_psm import psm_topic
 from catenary.errors import CatenaryError, ConfigError, FileFormatError, InputError, InUseError
 from catenary.files import PARTIAL, damage, fingerprint, json_text, sha256_of, sweep_partial, write_atomically

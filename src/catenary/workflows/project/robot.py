@@ -26,9 +26,9 @@ from catenary.control.shutdown import MAX_SPEED
 from catenary.crtk.client import CrtkClient
 from catenary.crtk.transport import Transport
 from catenary.errors import ConfigError, FileFormatError, NotReadyError
+from catenary.parallel import Progress, silent
 from catenary.recording.journal import About
 from catenary.recording.recorder import Recorder
-from catenary.side_by_side import Progress, silent
 from catenary.simulation.firmware_plant import STATE_FORMAT as STATE_FORMAT
 from catenary.simulation.firmware_plant import FirmwarePlant, restore_plant, save_plant
 from catenary.simulation.simulated_plant import PERIOD

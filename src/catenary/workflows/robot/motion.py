@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from catenary.arrays import Floats, as_array
 from catenary.control.shutdown import FiniteTicks, attempt, leave_safe
 from catenary.errors import CatenaryError, InputError, LimitError, NotFiniteError, NotReadyError, TransportError
+from catenary.parallel import Progress, silent
 from catenary.plant import Bounded, JointState, Plant, require_ready, state_in_words
-from catenary.side_by_side import Progress, silent
 from catenary.trajectories.reference import Reference, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
 from catenary.trajectories.smoothed_path import go_to

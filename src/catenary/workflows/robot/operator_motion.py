@@ -15,17 +15,17 @@ from numpy.typing import ArrayLike
 
 from catenary.archives import read_arrays
 from catenary.arrays import Floats, as_array
-from catenary.documents import cut, no_file
+from catenary.bounded_parsers import cut, no_file
 from catenary.dynamics.inverse_kinematics import inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import FileFormatError, InputError, LimitError
 from catenary.file_formats import format_of
+from catenary.parallel import Progress, silent
 from catenary.plant import Joints, JointState, MotionLog, OperatingState, joint_indices, nameless, require_ready
 from catenary.recording.import_formats.columns import joined
 from catenary.recording.import_formats.csv_files import TextTable
 from catenary.recording.logs import read_parquet
 from catenary.robots.catalog import RAVEN_SIDES
-from catenary.side_by_side import Progress, silent
 from catenary.spatial import Pose
 from catenary.trajectories.reference import Reference, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids

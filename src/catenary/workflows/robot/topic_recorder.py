@@ -22,15 +22,15 @@ import numpy as np
 
 from catenary.arrays import Floats
 from catenary.crtk.client import CrtkClient
-from catenary.crtk.inbox import Subscription
 from catenary.crtk.message import Message, codec
+from catenary.crtk.message_queues import Subscription
 from catenary.crtk.transport import Transport
 from catenary.errors import CatenaryError, FileFormatError, InputError, NotReadyError, RecordingError, TransportError
+from catenary.parallel import Progress, silent
 from catenary.plant import JointState
 from catenary.raven2.topics import RAVENSTATE, RAVENSTATE_100HZ
 from catenary.recording.bag_reader import JournalReader, is_journal
 from catenary.recording.journal import About, JournalTopic, JournalWriter, LeftOff
-from catenary.side_by_side import Progress, silent
 from catenary.topics import SECOND, Topic
 from catenary.trajectories.reference import GoneOn, Reference, Trajectory
 from catenary.workflows.robot.motion import arrive, move_to, run_trajectory
