@@ -114,7 +114,7 @@ def test_a_fit_that_cannot_know_its_intervals_says_why() -> None:
     assert without.card["intervals"] is None
     assert any("no intervals: they are estimated from the cross-validation" in note for note in without.notes)
     assert any(
-        "39 rows are too few to hold 90% of errors; that takes 40" in note for note in run(39, accept=("short",)).notes
+        "39 rows are too few to hold 90% of errors; this needs 40" in note for note in run(39, accept=("short",)).notes
     )
     wide, narrow = run(coverage=0.95).model.intervals, run(coverage=0.5).model.intervals
     assert wide is not None

@@ -124,7 +124,7 @@ def test_a_model_is_one_file_of_plain_arrays_with_a_readable_card_beside_it(path
         (lambda path: None, "no such file"),
         (lambda path: path.write_bytes(pickle.dumps({"structure": 1})), "damaged: cannot be read"),
         (lambda path: path.write_bytes(np.random.default_rng(1).bytes(3000)), "damaged: cannot be read"),
-        (lambda path: np.savez(path, weights=np.zeros(3), bias=np.zeros(1)), r"is no .* \(it holds weights, bias\)"),
+        (lambda path: np.savez(path, weights=np.zeros(3), bias=np.zeros(1)), r"is not a .* \(it holds weights, bias\)"),
         (np.savez, r"is not a calibration model \(it holds nothing\)"),
     ],
     ids=["missing", "pickle", "noise", "foreign", "empty"],

@@ -241,7 +241,7 @@ def test_an_arm_is_paused_whose_program_goes_in_the_middle_of_a_motion(monkeypat
 def test_an_arm_that_was_paused_is_told_of_and_obeys_whoever_comes_next() -> None:
     robot = told("goes, 3150", "crtk")  # with a move of its own under way
     assert robot.state() == "PAUSED"
-    assert "program moved it and is gone" in robot.server.reports.kinds["gold: paused"].text
+    assert "program was moving it and has disconnected" in robot.server.reports.kinds["gold: paused"].text
     robot.command("resume")
     robot.later(500)
     assert robot.state() == "ENABLED"

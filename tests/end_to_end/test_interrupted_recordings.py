@@ -96,7 +96,7 @@ def holds_the_motion_once(folder: Path) -> None:
     assert (reader.lost, reader.ends_early) == (0, False)
     assert all("lacks its index, or part of it: it was cut off" in torn for torn in reader.damage)  # by kills
     told = [remark for remark in reader.problems if " ended it, " in remark]
-    assert sum("a robot that stands still, ended it" in remark for remark in told) >= 1
+    assert sum("a stalled robot, ended it" in remark for remark in told) >= 1
     assert sum("cut off, and went on" in remark for remark in reader.problems) == 3
     apart = np.diff(stamps)
     assert 3 <= np.sum(apart > 1.5) <= len(reader.problems)  # each is told, also where the machine alone is to blame

@@ -107,7 +107,7 @@ def test_links_that_move_alike_share_the_probability():
     assert third.probability < 0.3
     assert {"lower", "upper"} <= set(first.likely)
     assert first.telling_joint is None
-    assert "cannot be distinguished by these poses; no joint would" in first.location
+    assert "cannot be distinguished by these poses; no single joint" in first.location
 
 
 def test_what_an_unloaded_recording_of_the_day_shows_is_subtracted(found):

@@ -118,4 +118,4 @@ def test_a_middleware_that_is_none_of_dds_is_told(monkeypatch: pytest.MonkeyPatc
         monkeypatch.setenv(name, value)
     monkeypatch.setenv("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")
     enter_domain()
-    assert "rmw_zenoh_cpp, whose programs do not use DDS" in caplog.text
+    assert "rmw_zenoh_cpp, which does not use DDS" in caplog.text

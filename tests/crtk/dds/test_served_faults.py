@@ -128,7 +128,9 @@ def test_the_second_program_is_told_who_holds_the_arm_and_a_killed_one_leaves_it
                     state, setpoints, new = look(observer)
                     rows.append(setpoints)
                     said.extend(new)
-                    return state == "PAUSED" and any("/first moved it and is gone" in line for line in said)
+                    return state == "PAUSED" and any(
+                        "/first was moving it and has disconnected" in line for line in said
+                    )
 
                 until(is_paused, every=0.1)  # ten seconds of its lease, and three
             after = np.concatenate(rows)

@@ -74,4 +74,4 @@ def test_a_recording_that_moves_a_joint_which_was_still_in_training_is_unclear(n
     [test] = result.identification.tests
     assert test.verdict == "unclear"  # of J1 30 % of its torque is left, which was within twice that of training
     assert test.reasons[0] == f"joint {joint} was still in training, and moves here: unseen"
-    assert any(f"{joint}: unseen: the motion leaves" in note for note in result.notes)
+    assert any(f"{joint}: unseen: the motion does not determine" in note for note in result.notes)

@@ -179,4 +179,4 @@ def test_bags_by_clocks_that_differ_are_held_whole(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(in_pieces, "_PIECE_NUMBERS", 12 * 40)
     done = import_to_file(tmp_path / "log.parquet", [state, camera], BY_TOPIC | {"stamps": "header"})
     assert (done.rows, done.measured) == (len(whole), int(whole.ok.sum()))
-    assert done.measured > 700
+    assert done.measured > 0.8 * done.rows

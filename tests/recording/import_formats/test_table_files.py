@@ -125,7 +125,7 @@ def test_arrays_of_matlab_are_read_by_name_within_its_structures(tmp_path: Path)
     assert_allclose(log.q_nominal, Q)
     assert_allclose(log.q_encoder, SEEN)
     assert any("numbers were left out: cells, images" in note for note in log.notes)
-    with pytest.raises(InputError, match="leaves open: the units of q_nominal"):
+    with pytest.raises(InputError, match="open questions: the units of q_nominal"):
         import_recording(table, accept_proposal=True)
     assert "optitrack[0]" in propose_mapping(table, units="rad,rad,m").toml
 
