@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
@@ -369,12 +369,13 @@ def test_it_goes_on_behind_the_last_whole_message(tmp_path: Path, end: str, max_
 
 
 @given(cuts=st.lists(st.floats(0.02, 0.98), min_size=1, max_size=4))
+@example(cuts=[0.96875, 0.96875, 0.75, 0.75])  # all 1000 are there before the last cut
 @settings(max_examples=25, deadline=None)
 def test_wherever_it_is_cut_it_ends_whole(tmp_path_factory: pytest.TempPathFactory, cuts: list[float]) -> None:
     folder, begin, found = tmp_path_factory.mktemp("cut") / "train", 0, None
     for cut in [*cuts, None]:
         with JournalWriter(folder, NUMBERED, after=found) as writer:
-            appended(writer, begin, 1000 if cut is None else begin + max(1, int(cut * (1000 - begin))))
+            appended(writer, begin, 1000 if cut is None else min(1000, begin + max(1, int(cut * (1000 - begin)))))
         if cut is None:
             break
         newest = max(folder.glob("*.mcap"))
