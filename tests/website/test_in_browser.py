@@ -11,10 +11,11 @@ pytestmark = pytest.mark.slow
 
 QUESTIONS = "troubleshooting.html#"
 # what a newcomer types, and the place that answers it
+BROUGHT = QUESTIONS + "how-do-i-use-my-bag-a-matlab-file-or-a-csv-in-degrees"
 SEARCHES = {
     "camera delay": QUESTIONS + "does-my-camera-have-a-delay",
-    "my CSV in degrees": QUESTIONS + "how-do-i-read-my-csv-in-degrees",
-    "dVRK CSV": QUESTIONS + "how-do-i-read-my-csv-in-degrees",
+    "my CSV in degrees": BROUGHT,
+    "dVRK CSV": "tutorials/my-dvrk.html",
     "homed again model wrong": QUESTIONS + "the-robot-was-homed-again",
     "C++ header": QUESTIONS + "how-do-i-export-to-c",
     "error bars 1 kHz loop": QUESTIONS + "how-do-i-get-error-bars-in-my-1-khz-loop",
@@ -30,7 +31,7 @@ SEARCHES = {
     "which model": QUESTIONS + "which-model",
     "how to cite": "cite.html",
     "joystick": "tools.html#keyboard-catenary-teleop",
-    "MATLAB file": QUESTIONS + "how-do-i-use-my-bag-or-a-matlab-file",
+    "MATLAB file": BROUGHT,
     "IMU on a ship": "tutorials/ship.html",
     "emergency stop": "safety.html#run-levels-and-the-emergency-stop",
     "install": "start.html#install",
