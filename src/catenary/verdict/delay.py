@@ -251,9 +251,8 @@ class _JointLook:
         share = ((s - self.t[k]) / np.maximum(self.t[k + 1] - self.t[k], 1e-12))[:, None]
         before, after = self.columns_at(k), self.columns_at(k + 1)
         columns = np.column_stack([before * (1.0 - share) + after * share, self.y[rows]])
-        _, firsts, counts = np.unique(
-            self.block[rows], return_index=True, return_counts=True
-        )  # blocks follow each other
+        # blocks follow each other
+        _, firsts, counts = np.unique(self.block[rows], return_index=True, return_counts=True)
         columns -= np.repeat(np.add.reduceat(columns, firsts) / counts[:, None], counts, axis=0)
         free, rest = columns[:, : -1 - len(PLAY_RADII)], columns[:, -1 - len(PLAY_RADII) :]
         free = free / (np.sqrt(np.einsum("ij,ij->j", free, free)) + 1e-12)  # thrice as fast as NumPy's norm

@@ -297,10 +297,9 @@ class Evidence:
         value = -0.5 * np.sum(counted * np.log(2.0 * np.pi * variance)) - 0.5 * w @ yy + 0.5 * right @ beta
         value -= 0.5 * (M @ KM + log_determinant) + float(np.log(np.diag(L)).sum() - np.log(d).sum())
         value += float(np.sum(counted * np.log(np.abs(x))))
-        before = partial(self._braking, gram.beside, M, np.diag(variances))  # independent of gains
-        value += self._braking(gram.beside, beta, C) - _kept(
-            self._brakes, (*_key(supposed), which), before, _KEPT_GRAMS
-        )
+        prior = partial(self._braking, gram.beside, M, np.diag(variances))  # independent of gains
+        before = _kept(self._brakes, (*_key(supposed), which), prior, _KEPT_GRAMS)
+        value += self._braking(gram.beside, beta, C) - before
         if self.noise is None:
             value -= 0.5 * _NOISE_DEGREES * float(np.sum(np.log(variance / least**2) + least**2 / variance))
         return float(value), beta, C, rss, size, w
