@@ -160,3 +160,21 @@ def test_help_examples_that_name_no_file_run() -> None:
         example = re.search(r"Example: catenary (.*?) (?:Arguments|Options):", text)
         assert example
         assert catenary(*shlex.split(example.group(1))).code == 0
+
+
+def _numbers(text: str) -> list[str]:
+    return re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?:e-\d+)?", text)
+
+
+def test_every_number_of_the_accuracy_page_stands_on_the_page_that_measures_it() -> None:
+    page = ROOT / "docs" / "accuracy.md"
+    rows = [line.strip("| ").split(" | ") for line in page.read_text().splitlines() if line.startswith("| ")][1:]
+    assert len(rows) > 10
+    for name, result, peer, link in rows:
+        source = re.search(r"\]\(([\w-]+\.md)", link)
+        assert source is not None, name
+        measured = [float(number) for number in _numbers((page.parent / source[1]).read_text())]
+        for number in _numbers(f"{result} {peer}"):
+            unit = 0.0 if "e" in number else 10.0 ** -len(number.partition(".")[2])
+            shown = [abs(float(number) - n) <= 0.501 * unit for m in measured for n in (m, 100.0 * m)]
+            assert any(shown), f"{name}: {number} is not in {source[1]}"
