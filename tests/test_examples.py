@@ -9,7 +9,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
 def test_there_are_examples() -> None:
-    assert [path.name[:3] for path in EXAMPLES] == [f"0{k}_" for k in range(1, 10)]
+    assert [path.name[:3] for path in EXAMPLES] == [f"{k:02d}_" for k in range(1, 12)]
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
