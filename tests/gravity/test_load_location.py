@@ -98,6 +98,28 @@ def test_on_line_a_load_is_shared_until_a_pose_tells(rng: np.random.Generator) -
     assert told[5] == {"upper"}
 
 
+def test_what_is_surely_stated_on_line_is_right_of_small_loads_too(rng: np.random.Generator) -> None:
+    """A load that is no surprise in its first pose, or comes just after a false alarm, is not put on a wrong link."""
+    panda, right = load_robot("panda"), []
+    for _ in range(60):
+        frame = str(rng.choice(panda.link_names))
+        loaded = Payload(float(np.exp(rng.uniform(-2.3, 0.0))), frame, rng.uniform(-0.12, 0.12, 3)).on(panda)
+        estimator = RecursiveGravityEstimator(
+            panda, noise=0.1, settle=0.0, interval=0.0, novelty=0.0, forgetting=1.0, margin=-1.0,
+            carriers=panda.link_names,
+        )  # fmt: skip
+        for k, q in enumerate(rng.uniform(panda.lower, panda.upper, (45, 7))):
+            tau = gravity_torque(panda if k < 25 else loaded, q, UPRIGHT) + 0.1 * rng.normal(size=7)
+            estimator.update(q, np.zeros(7), tau, UPRIGHT, float(k))
+            if k % 3 == 0 and (load := estimator.load) is not None and load.no_load < 0.5:
+                assert k >= 25
+                first = load.carriers[0]
+                if first.probability > 0.99:
+                    right.append(first.frame == frame)
+    assert len(right) > 120
+    assert np.mean(right) > 0.985
+
+
 def test_evidence_is_that_of_the_whole_gaussian_over_all_sizes(rng: np.random.Generator) -> None:
     q = poses(rng, 2)
     light = Payload(0.025, "link2", (0.05, 0.0, 0.0)).on(PLANAR)  # no hypothesis is out of the question

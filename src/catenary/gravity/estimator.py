@@ -15,14 +15,18 @@ known beforehand, a standard deviation per parameter; it is not forgotten, so th
 it is, and A + A_0 can always be inverted.
 
 Where it is known which frames take things up, a torque three standard deviations off what noise and P = (A + A_0)^-1
-let expect widens P by what a load there would change, P + V Q V^T, as a Kalman filter does whose state may jump, and
-A_0^-1 alike: beforehand nothing is known of a load, and what is not forgotten must not hold it. So the payload is
+let expect raises a question: has a load changed, before this torque or one of the last? If that is likelier than not,
+P at that time is widened by what a load there would change, P + V Q V^T, as a Kalman filter does whose state may jump,
+and A_0^-1 alike: beforehand nothing is known of a load, and what is not forgotten must not hold it. So the payload is
 reported in the first pose, from all the joints that feel it, and what was learnt of the arm itself stays. Which frame
 has it is reported with probabilities (load_location.py): one pose seldom suffices.
 """
 
+from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Literal, Protocol, get_args
+from copy import copy
+from operator import itemgetter
+from typing import Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -191,7 +195,18 @@ _SURPRISE_DEVIATIONS = 3.0  # standard deviations of torque that say that the lo
 # probability that a load changes between two torques taken: of many, some stand out by noise alone
 _CHANGE_PER_S = 1e-3
 _MIN_SPREAD = 1e-6  # [kg m, kg] of a parameter: beside a load, less than that is lost in rounding
+_REMEMBERED_TORQUES = 20  # before one of which a load may have changed that is noticed now
 _ANOTHER_DEVIATIONS = 5.0  # the same, once a load is looked for: noise alone exceeds three of them now and then
+
+
+class _Taken(NamedTuple):
+    """A torque that was taken, over the noise, with the parameters and their information before it."""
+
+    known: Floats  # (p, p)
+    s: Floats  # (p,)
+    Z: Floats  # (n, p)
+    torque: Floats  # (n,)
+    misfit: float  # mean square of what was not expected, over its variance
 
 
 class RecursiveGravityEstimator(EstimatedGravity):
@@ -258,6 +273,9 @@ class RecursiveGravityEstimator(EstimatedGravity):
         self._loads = self._hypotheses.directions  # V
         self._prior_of_loaded = _widened(self._prior, self._loads)
         self._unloaded: Floats | None = None  # s_hat before the load changed
+        self._past: deque[_Taken] = deque(maxlen=_REMEMBERED_TORQUES)
+        self._misfits: deque[float] = deque(maxlen=_REMEMBERED_TORQUES)
+        self._excess = 1.0  # of the torques' noise over what was said
         self._last_pose = np.zeros(n), np.zeros(3)  # configuration and gravity of the last torque taken
         self._information = np.zeros((p, p))  # A
         self._resting_since, self._last_taken = np.nan, np.nan
@@ -301,28 +319,61 @@ class RecursiveGravityEstimator(EstimatedGravity):
 
     def _learn(self, Z: Floats, missing: Floats) -> bool:
         """Take a torque, in standard deviations of its noise, if it tells something."""
-        tells = bool((np.abs(missing) > _SURPRISE_DEVIATIONS).any())
-        if not tells or self._loads.size:
-            variance = np.sum(Z.T * np.linalg.solve(self._information + self._prior, Z.T), axis=0)
-            tells |= bool((variance > self._novelty**2).any())
-            surprise = float((np.abs(missing) / np.sqrt(1.0 + variance)).max())
-            if surprise > _SURPRISE_DEVIATIONS:
-                none_so_far = self._unloaded is None or self._hypotheses.shares(_CHANGE_PER_S)[0] > 0.5
-                if self._loads.size and (
-                    none_so_far or surprise > _ANOTHER_DEVIATIONS
-                ):  # a load that is not yet looked for
-                    self._hypotheses.restart(self._information + self._prior)
-                    self._unloaded = self._s.copy()
-                # the covariance is widened by V V^T; from now on nothing is known beforehand of what a load changes
-                widened = _widened(self._information + self._prior, self._loads)
-                self._prior = self._prior_of_loaded
-                self._information = widened - self._prior
+        known = self._information + self._prior
+        variance = np.sum(Z.T * np.linalg.solve(known, Z.T), axis=0)
+        deviations = np.abs(missing) / np.sqrt(1.0 + variance)
+        surprise = float(deviations.max())
+        tells = bool((np.abs(missing) > _SURPRISE_DEVIATIONS).any() or (variance > self._novelty**2).any())
+        row = _Taken(known, self._s.copy(), Z, missing + Z @ self._s, float(np.mean(deviations**2)))
+        if self._loads.size:
+            surprises = surprise > _SURPRISE_DEVIATIONS and (
+                surprise > _ANOTHER_DEVIATIONS
+                or self._unloaded is None
+                or self._hypotheses.shares(_CHANGE_PER_S)[0] > 0.5
+            )
+            tells |= surprises
+            if not (surprises and self._suspect([*self._past, row])) and tells:
+                self._misfits.append(row.misfit)
+                self._past.append(row)
+                if self._unloaded is not None:
+                    self._take(self._hypotheses, row, self._unloaded)
         if tells:
-            if self._unloaded is not None:
-                self._hypotheses.take(Z, missing + Z @ (self._s - self._unloaded))
-            self._information = self._forgetting * self._information + Z.T @ Z
-            self._s += np.linalg.solve(self._information + self._prior, Z.T @ missing)
+            self._add(row)
         return tells
+
+    def _suspect(self, rows: Sequence[_Taken]) -> bool:
+        """Look for a load that has changed before one of the last torques; return whether that is likelier than not.
+
+        A small load is no surprise at once: the arm's own parameters take up some of it before it is noticed. Where
+        torques have scattered more than their noise was said to, evidence counts for less.
+        """
+        starts = []
+        self._excess = max(1.0, float(np.sqrt(np.mean(self._misfits)))) if self._misfits else 1.0
+        for k, start in enumerate(rows):
+            hypotheses = copy(self._hypotheses)
+            hypotheses.restart(start.known / self._excess**2)
+            for row in rows[k:]:
+                self._take(hypotheses, row, start.s)
+            starts.append((max(hypotheses.evidence()), k, hypotheses))
+        _, k, hypotheses = max(starts, key=itemgetter(0, 1))
+        if hypotheses.shares(_CHANGE_PER_S)[0] > 0.5:
+            return False
+        start = rows[k]
+        self._hypotheses, self._unloaded, self._s = hypotheses, start.s, start.s.copy()
+        # the covariance is widened by V V^T; from now on nothing is known beforehand of what a load changes
+        self._prior = self._prior_of_loaded
+        self._information = _widened(start.known, self._loads) - self._prior
+        for row in rows[k:-1]:
+            self._add(row)
+        self._past.clear()
+        return True
+
+    def _take(self, hypotheses: LoadHypotheses, row: _Taken, unloaded: Floats) -> None:
+        hypotheses.take(row.Z / self._excess, (row.torque - row.Z @ unloaded) / self._excess)
+
+    def _add(self, row: _Taken) -> None:
+        self._information = self._forgetting * self._information + row.Z.T @ row.Z
+        self._s += np.linalg.solve(self._information + self._prior, row.Z.T @ (row.torque - row.Z @ self._s))
 
     def follow(self, state: JointState, q_desired: Floats) -> Floats:
         """Update from a robot's state and the torque it reports, and return the gravity torque (n,) [Nm|N] there."""

@@ -112,8 +112,14 @@ class LoadHypotheses:
         """Return the probability of no load, and of a load on each frame; see `beliefs`."""
         count = len(self.frames)
         prior = count / (count + 1.0) if beforehand is None else beforehand
-        found = [float(np.log(prior / count)) + _over_sizes(J, b)[0] for J, b in self._tests()]
-        return probabilities([float(np.log(1.0 - prior)), *found])
+        return probabilities([float(np.log(1.0 - prior)), *(float(np.log(prior / count)) + e for e in self.evidence())])
+
+    def evidence(self) -> list[float]:
+        """Return log p(y | load) - log p(y | no load) of each frame."""
+        J, b = (np.array(values) for values in zip(*self._tests(), strict=True))
+        c = _LOAD_OCTAVES[:, None]
+        sized = log_evidence(c[..., None, None] ** 2 * J, c[..., None] * b)
+        return (np.logaddexp.reduce(sized, axis=0) - np.log(len(c))).tolist()
 
     def _tests(self) -> Iterator[tuple[Floats, Floats]]:
         """Yield J and b of every frame, what is not known of the arm taken out."""
@@ -167,14 +173,14 @@ def load_of_any_size(u: Floats, covariance: Floats) -> tuple[float, Floats, Floa
 
 
 def log_evidence(information: Floats, score: Floats) -> Floats:
-    """Return the log Bayes factors log p(y | load) - log p(y | no load) (N,) of loads with a standard normal prior.
+    """Return the log Bayes factors log p(y | load) - log p(y | no load) (...) of loads with a standard normal prior.
 
     Args:
-        information, score: Information matrices J (N, k, k), and score vectors b (N, k).
+        information, score: Information matrices J (..., k, k), and score vectors b (..., k).
     """
-    whole = np.eye(score.shape[1]) + information
+    whole = np.eye(score.shape[-1]) + information
     _, log_determinant = np.linalg.slogdet(whole)
-    explained = np.einsum("ni,ni->n", score, np.linalg.solve(whole, score[..., None])[..., 0])
+    explained = np.einsum("...i,...i->...", score, np.linalg.solve(whole, score[..., None])[..., 0])
     return 0.5 * explained - 0.5 * log_determinant
 
 
