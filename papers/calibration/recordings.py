@@ -64,7 +64,7 @@ def calibration_log(
     beside: CablePlant | None = None,
 ) -> MotionLog:
     """Record the zig-zags of a direction, one sparsity after the other."""
-    return record_simulated(plant, zigzag(direction, sparsities), "zigzag", rng, columns=columns, beside=beside)
+    return record_simulated(plant, zigzag(direction, sparsities), "zigzag", rng, columns=columns, other_arm=beside)
 
 
 def random_log(
@@ -76,7 +76,7 @@ def random_log(
     beside: CablePlant | None = None,
 ) -> MotionLog:
     """Record independent random motion of every joint."""
-    return record_simulated(plant, random_sinusoids(rng, seconds), "random", rng, columns=columns, beside=beside)
+    return record_simulated(plant, random_sinusoids(rng, seconds), "random", rng, columns=columns, other_arm=beside)
 
 
 def fitted(logs: Sequence[MotionLog], options: FitOptions) -> CalibrationModel:

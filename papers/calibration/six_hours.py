@@ -101,7 +101,7 @@ def recorded(
         rng = recordings.draws(seed, 30 + number, *what)
         path = random_sinusoids(rng, seconds)
         return _stamped(
-            record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns, beside=beside)
+            record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns, other_arm=beside)
         )
 
     if condition == "idle":

@@ -59,24 +59,24 @@ def reading(path: Path | str, kind: str, unreadable: tuple[type[Exception], ...]
     except RecursionError as error:
         raise FileFormatError(f"{path}: is nested more than {MAX_LEVELS} levels deep") from error
     except unreadable as error:
-        said = f"{cut(str(error) or repr(error))}{copied_as_text(path)}"
-        raise FileFormatError(f"{path}: cannot be read as {kind}: {said}") from error
+        message = f"{cut(str(error) or repr(error))}{copied_as_text(path)}"
+        raise FileFormatError(f"{path}: cannot be read as {kind}: {message}") from error
 
 
-def read_bounded(path: Path, most: int) -> bytes:
+def read_bounded(path: Path, max_bytes: int) -> bytes:
     """Return the bytes of a file within a limit; FileFormatError where it is larger or cannot be read.
 
     Args:
-        path, most: The file, and its largest size [B].
+        path, max_bytes: The file, and its largest size [B].
     """
     try:
         with path.open("rb") as file:
-            data = file.read(most + 1)
+            data = file.read(max_bytes + 1)
     except FileNotFoundError as error:
         raise FileFormatError(f"{path}: no such file") from error
     except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
         raise FileFormatError(f"{path}: cannot be read: {error}") from error
-    _refuse_length(data, str(path), most)
+    _refuse_length(data, str(path), max_bytes)
     return data
 
 
@@ -133,8 +133,8 @@ def json_table(data: str | bytes, where: str, *, finite: bool = True) -> dict[st
 def without_comments(data: bytes) -> bytes:
     """Return JSON without the comments of JavaScript that the dVRK's files have; lines keep their numbers."""
 
-    def blank(found: re.Match[bytes]) -> bytes:
-        return found[0] if found[0].startswith(b'"') else b" " + b"\n" * found[0].count(b"\n")
+    def blank(match: re.Match[bytes]) -> bytes:
+        return match[0] if match[0].startswith(b'"') else b" " + b"\n" * match[0].count(b"\n")
 
     return _TEXT_OR_COMMENT.sub(blank, data)
 
@@ -206,8 +206,8 @@ def xml_root_tag(data: str | bytes, where: str) -> str:
         data, where: Text, or its bytes, and its source, which opens every message.
     """
     _refuse_length(data, where, MOST_XML)
-    found = _ROOT_TAG.search(XML_COMMENT.sub(b"", data.encode() if isinstance(data, str) else data))
-    return found[1].decode(errors="replace") if found else xml_tree(data, where).tag
+    match = _ROOT_TAG.search(XML_COMMENT.sub(b"", data.encode() if isinstance(data, str) else data))
+    return match[1].decode(errors="replace") if match else xml_tree(data, where).tag
 
 
 def shortened(value: Any) -> str:
@@ -222,8 +222,8 @@ def cut(text: str) -> str:
     return text if len(text) <= _MAX_CHARACTERS else f"{text[:_MAX_CHARACTERS]}... ({len(text)} characters)"
 
 
-def _text_of(data: str | bytes, where: str, kind: str, most: int) -> str:
-    _refuse_length(data, where, most)
+def _text_of(data: str | bytes, where: str, kind: str, max_bytes: int) -> str:
+    _refuse_length(data, where, max_bytes)
     if isinstance(data, str):
         return data.removeprefix("\ufeff")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -235,9 +235,9 @@ def _text_of(data: str | bytes, where: str, kind: str, most: int) -> str:
         raise FileFormatError(f"{where}: cannot be read as {kind}: {place}: is no UTF-8 text") from error
 
 
-def _refuse_length(data: str | bytes, where: str, most: int) -> None:
-    if len(data) > most:
-        raise FileFormatError(f"{where}: is longer than {most} bytes, the most that is read of such a file")
+def _refuse_length(data: str | bytes, where: str, max_bytes: int) -> None:
+    if len(data) > max_bytes:
+        raise FileFormatError(f"{where}: is longer than {max_bytes} bytes, the most that is read of such a file")
 
 
 def _refuse_depth(content: Any, where: str) -> None:

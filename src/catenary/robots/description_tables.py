@@ -70,8 +70,8 @@ def as_described(model: RobotModel, path: Path, table: DescribedRobot) -> RobotM
         if table.coordinate or table.base or table.locked_deg or table.locked_m or table.actuation:
             model = close_loops(model)
         if table.coordinate:
-            given = [coordinate_of(str(path), c.name, c.unit, c) for c in table.coordinate]
-            model = couple_joints(model, given, [c.moves for c in table.coordinate])
+            coordinates = [coordinate_of(str(path), c.name, c.unit, c) for c in table.coordinate]
+            model = couple_joints(model, coordinates, [c.moves for c in table.coordinate])
         locked = stated_places(model, table.locked_deg, table.locked_m, "locked")
         if table.base is not None:
             model = cut_arm(model, table.base, table.tip or model.tip, locked=locked)
