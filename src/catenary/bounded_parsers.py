@@ -20,9 +20,9 @@ from xml.parsers import expat
 from catenary.errors import FileFormatError
 from catenary.file_formats import copied_as_text
 
-MOST_JSON = 8 * 2**20  # [B]; the longest that is written, the steps of a large project, has some 100 kB
-MOST_TOML = 2**19  # [B]; the longest robot of the catalogue has 12 kB, and tomllib is slow
-MOST_XML = 16 * 2**20  # [B]; published humanoids have less than 1 MB
+MAX_JSON_BYTES = 8 * 2**20  # [B]; the longest that is written, the steps of a large project, has some 100 kB
+MAX_TOML_BYTES = 2**19  # [B]; the longest robot of the catalogue has 12 kB, and tomllib is slow
+MAX_XML_BYTES = 16 * 2**20  # [B]; published humanoids have less than 1 MB
 MAX_LEVELS = 64  # tables within lists within tables; what is written here goes 8 deep
 _MAX_ELEMENTS = 100_000  # of an XML file
 _MAX_INTEGER = 2**128  # of integers: seeds of NumPy have up to 128 bits
@@ -81,7 +81,7 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
 
 
 def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
-    """Parse JSON text into plain data, within `MOST_JSON` and `MAX_LEVELS`.
+    """Parse JSON text into plain data, within `MAX_JSON_BYTES` and `MAX_LEVELS`.
 
     Args:
         data, where: Text, or its bytes in UTF-8, and its source, which opens every message.
@@ -91,7 +91,7 @@ def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
         FileFormatError: No JSON, beyond the limits, a key twice in a table, a number beyond a float64, or an integer
             beyond 2^128.
     """
-    text = _text_of(data, where, "JSON", MOST_JSON)
+    text = _text_of(data, where, "JSON", MAX_JSON_BYTES)
 
     def table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         content = dict(pairs)
@@ -140,12 +140,12 @@ def without_comments(data: bytes) -> bytes:
 
 
 def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
-    """Parse TOML text into plain data, within `MOST_TOML`, `MAX_LEVELS` and a float64's range; else FileFormatError.
+    """Parse TOML text into plain data, within `MAX_TOML_BYTES`, `MAX_LEVELS` and float64; else FileFormatError.
 
     Args:
         data, where: Text, or its bytes in UTF-8, and its source, which opens every message.
     """
-    text = _text_of(data, where, "TOML", MOST_TOML)
+    text = _text_of(data, where, "TOML", MAX_TOML_BYTES)
     if _DEEP_KEY.search(text):  # of which tomllib makes every part that a key begins with
         raise FileFormatError(f"{where}: is nested more than {MAX_LEVELS} levels deep")
     with reading(where, "TOML", (ValueError,)):
@@ -155,7 +155,7 @@ def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
 
 
 def xml_tree(data: str | bytes, where: str) -> Element:
-    """Parse XML text into its root element, within `MOST_XML` and `_MAX_ELEMENTS`.
+    """Parse XML text into its root element, within `MAX_XML_BYTES` and `_MAX_ELEMENTS`.
 
     Names keep their prefix and `xmlns` is an attribute like any other, as in TinyXML, which other programs read URDF
     and MJCF with: a prefix need not be declared.
@@ -167,7 +167,7 @@ def xml_tree(data: str | bytes, where: str) -> Element:
         FileFormatError: No XML, beyond the limits, or with entities of its own, which can stand for other files and for
             gigabytes.
     """
-    _refuse_length(data, where, MOST_XML)
+    _refuse_length(data, where, MAX_XML_BYTES)
     builder, parser, numbers = TreeBuilder(), expat.ParserCreate(), count(1)
 
     def refuse(what: str) -> None:
@@ -205,7 +205,7 @@ def xml_root_tag(data: str | bytes, where: str) -> str:
     Args:
         data, where: Text, or its bytes, and its source, which opens every message.
     """
-    _refuse_length(data, where, MOST_XML)
+    _refuse_length(data, where, MAX_XML_BYTES)
     match = _ROOT_TAG.search(XML_COMMENT.sub(b"", data.encode() if isinstance(data, str) else data))
     return match[1].decode(errors="replace") if match else xml_tree(data, where).tag
 

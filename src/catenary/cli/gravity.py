@@ -255,13 +255,13 @@ def track(
         q_start=joints.or_none(arm.model), amplitude=followed.amplitude_mm / 1000.0,
         axes=followed.axes, seconds=followed.seconds,
     )  # fmt: skip
-    source, felt = conditions.gravity(arm, sensing), arm.plant.measured_js().gravity
+    source, base_gravity = conditions.gravity(arm, sensing), arm.plant.measured_js().gravity
     result = run(arm, law, chosen.trajectory, windows=chosen.windows, gravity=source)
     settings = {"robot": robot, "controller": controller, "motion": followed.motion, "damping": damping}
     title = f"{robot} (simulated), controller {controller}, {followed.motion}"
     times = np.linspace(0.0, chosen.trajectory.duration, _SHOWN_POSES)
     poses = np.array([chosen.trajectory(time).q for time in times])
-    shown = arm.model, poses, felt, "at the beginning of the motion, and at times along it"
+    shown = arm.model, poses, base_gravity, "at the beginning of the motion, and at times along it"
     _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, shown)
 
 
@@ -289,7 +289,7 @@ def hold(
     law, pose = make_controller(controller, arm, among=HOLDS), joints.or_none(arm.model)
     if pose is None:
         pose = start_pose(arm.model, arm.plant, HOLD_START)
-    felt = arm.plant.measured_js().gravity
+    base_gravity = arm.plant.measured_js().gravity
     result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing), calibrated=calibrated)
     joints_off = [
         joint for joint in result.as_data()["joints"] if not calibrated and joint["reported_off"] > _NOTED_OFFSET
@@ -302,7 +302,7 @@ def hold(
         ])  # fmt: skip
     settings = {"robot": robot, "controller": controller, "calibrated": calibrated}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
-    shown = arm.model, result.q_true[[0, -1]], felt, "where it was put, and, paler, at the end"
+    shown = arm.model, result.q_true[[0, -1]], base_gravity, "where it was put, and, paler, at the end"
     _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, shown)
 
 
@@ -318,9 +318,9 @@ def _conclude(
     if report is not None:
         from catenary.reports.robot_plot import robot_picture
 
-        model, poses, felt, when = shown
+        model, poses, base_gravity, when = shown
         caption = f"The arm {when}, under gravity as its base felt it when it was homed; bars by the model's masses."
-        write_gravity_report(report, result, settings, arm=robot_picture(model, poses, caption, gravity=felt))
+        write_gravity_report(report, result, settings, arm=robot_picture(model, poses, caption, gravity=base_gravity))
     gravity = None if result.gravity is None else str(result.gravity)
     page = None if report is None else f"page:  {report}"
     print_result({**settings, **result.as_data()}, gravity_table(result, title), gravity, page)

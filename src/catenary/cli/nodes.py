@@ -249,9 +249,9 @@ def gravity_node(
             attached, angular, counts = device.with_ranges(attached), hello.has_gyroscope, device.counts
         else:
             name, kind = sensor.topic()
-            heard = GravityTopic(transport, name, kind, mailbox, points_down=sensor.points_down)
-            print_notes([f"{heard.topic}: waiting for {kind}"])
-            feed, angular, counts = heard.feed, sensor.imu is not None, heard.tally
+            subscription = GravityTopic(transport, name, kind, mailbox, points_down=sensor.points_down)
+            print_notes([f"{subscription.topic}: waiting for {kind}"])
+            feed, angular, counts = subscription.feed, sensor.imu is not None, subscription.tally
         angular = angular and not sensor.no_gyroscope
         arm = None
         if published.delta_of is not None:

@@ -87,8 +87,8 @@ class SimulatedSensorOptions:
 
         model = SensorModel(200.0 if self.rate is None else self.rate)
         ranges = ("acceleration_range", "rate_range")
-        least = {key: min(getattr(known, key), getattr(model.mounting, key)) for key in ranges}
-        return replace(model, mounting=replace(known, **least))
+        smaller = {key: min(getattr(known, key), getattr(model.mounting, key)) for key in ranges}
+        return replace(model, mounting=replace(known, **smaller))
 
     def feed(self, model: "SensorModel") -> "Feed":
         """Return its samples on a base at rest."""

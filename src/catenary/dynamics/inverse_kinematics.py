@@ -15,7 +15,7 @@ from catenary.spatial import Pose, as_pose, rotation_vector
 Match = Literal["pose", "position"]
 _LEAST_DAMPING = 1e-12
 _NEAREST = 1e-9  # [m, rad] at which there is nothing nearer to look for
-_MOST_DAMPING = 1e8
+_MAX_DAMPING = 1e8
 
 
 class Approach(NamedTuple):
@@ -147,7 +147,7 @@ def nearest_coordinates(
     placed = Configuration(model, q)
     e, damping = error(placed), 1e-3
     for _ in range(max_iterations):
-        if reached(e) or damping > _MOST_DAMPING:
+        if reached(e) or damping > _MAX_DAMPING:
             break
         J = placed.jacobian(frame)[:rows]
         pull = J.T @ e

@@ -120,7 +120,7 @@ def nearest_within_limits(arm: RavenArm, rotations: Floats, positions: Floats, q
     previous = q_start
     for k in range(len(positions)):
         count, _ = raven_candidates(arm, rotations, positions, k, candidates)
-        best, least = -1, np.inf
+        best, nearest = -1, np.inf
         for c in range(count):
             distance, inside = 0.0, True
             for j in range(n):
@@ -128,8 +128,8 @@ def nearest_within_limits(arm: RavenArm, rotations: Floats, positions: Floats, q
                 value = candidates[c, j]
                 distance += (arm.weight[j] * (value - previous[j])) ** 2
                 inside &= arm.lower[j] - _LIMIT_TOLERANCE <= value <= arm.upper[j] + _LIMIT_TOLERANCE
-            if inside and distance < least:
-                best, least = c, distance
+            if inside and distance < nearest:
+                best, nearest = c, distance
         if best < 0:
             return k
         for j in range(n):
@@ -143,12 +143,12 @@ def turned_within_limits(arm: RavenArm, j: int, value: float, previous: float) -
     """Shift an angle by a whole turn where that is within limits and nearer: the roll spans 364 deg."""
     if j == 2:  # insertion
         return value
-    best, least = value, np.inf
+    best, nearest = value, np.inf
     for turn in (0.0, -2.0 * math.pi, 2.0 * math.pi):
         shifted = value + turn
         inside = arm.lower[j] - _LIMIT_TOLERANCE <= shifted <= arm.upper[j] + _LIMIT_TOLERANCE
-        if inside and abs(shifted - previous) < least:
-            best, least = shifted, abs(shifted - previous)
+        if inside and abs(shifted - previous) < nearest:
+            best, nearest = shifted, abs(shifted - previous)
     return best
 
 

@@ -451,9 +451,9 @@ def gravity_latex(model: RobotModel, gravity: ArrayLike = LEVEL) -> str:
             for atoms, factor in terms.items():
                 rows[-1][atoms] = rows[-1].get(atoms, 0.0) + factor * value
     sizes = [abs(value) for terms in rows for value in terms.values()]
-    least = _ROUNDING_RATIO * max(sizes, default=0.0)
+    cutoff = _ROUNDING_RATIO * max(sizes, default=0.0)
     lines = [f"{name} = {terms_text(terms, latex=True)}" for name, terms in shared.items()]
     for j, terms in enumerate(rows, 1):
-        kept = {atoms: value for atoms, value in terms.items() if abs(value) > least}
+        kept = {atoms: value for atoms, value in terms.items() if abs(value) > cutoff}
         lines.append(f"g_{{{j}}} = {terms_text(kept, latex=True)}")
     return "\n".join(lines)

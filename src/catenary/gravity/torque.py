@@ -188,8 +188,8 @@ def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
         return out
     Y = torque_regressor(model, rows, zeros, zeros, down)[0].reshape(model.n, len(model.link_names), -1)
     for unseen in model.unseen:
-        felt = np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], unseen.change))
-        out[felt > _FELT] += felt[felt > _FELT] * max(-unseen.low, unseen.high)  # infinite if unbounded
+        effect = np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], unseen.change))
+        out[effect > _FELT] += effect[effect > _FELT] * max(-unseen.low, unseen.high)  # infinite if unbounded
     return out
 
 

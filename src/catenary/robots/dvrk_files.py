@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import AliasChoices, Field
 
-from catenary.bounded_parsers import MOST_JSON, cut, json_table, read_bounded, without_comments
+from catenary.bounded_parsers import MAX_JSON_BYTES, cut, json_table, read_bounded, without_comments
 from catenary.config import Recorded, parse_settings
 from catenary.errors import FileFormatError, UnsupportedModelError
 from catenary.plant import nameless
@@ -59,7 +59,7 @@ def load_dvrk(path: Path, *, instrument: Path | None = None, massless: Massless 
     files = [path] if instrument is None else [path, instrument]
     parts, sources = [], []
     for file in files:
-        data = read_bounded(file, MOST_JSON)
+        data = read_bounded(file, MAX_JSON_BYTES)
         parts.append(_kinematics(file, json_table(without_comments(data), str(file))))
         sources.append(file_source(file, data))
     if parts[0].tooltip and len(parts[0].dh.joints) < 6:

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.bounded_parsers import MOST_XML, XML_COMMENT, plain_number, read_bounded, shortened, xml_tree
+from catenary.bounded_parsers import MAX_XML_BYTES, XML_COMMENT, plain_number, read_bounded, shortened, xml_tree
 from catenary.errors import FileFormatError, UnsupportedModelError, imported
 from catenary.robots.actuation import StatedDrive, stated_actuation
 from catenary.robots.assembly import (
@@ -80,7 +80,7 @@ class CompiledMjcf(NamedTuple):
 
 def compile_mjcf(path: Path) -> CompiledMjcf:
     """Return a file as MuJoCo compiles it, whatever masses it lacks; refuse one that asks for too much first."""
-    content = read_bounded(path, MOST_XML)
+    content = read_bounded(path, MAX_XML_BYTES)
     included = _included_files(path, content)
     _refuse_too_much(path, content, included)
     mujoco = imported("mujoco", f"{path}: MuJoCo reads MJCF files and is not installed", "mujoco")
@@ -377,9 +377,11 @@ def _included_files(path: Path, content: bytes) -> dict[str, bytes]:
                 continue  # MuJoCo says what it misses
             if not place.resolve().is_relative_to(folder):
                 raise FileFormatError(f"{where}: <include file={shortened(name)}>: is outside {path.parent}")
-            files[name] = read_bounded(place, MOST_XML)
-            if len(files) > _MAX_FILES or sum(map(len, files.values())) > MOST_XML:
-                raise FileFormatError(f"{path}: includes more than {_MAX_FILES} files, or more than {MOST_XML} bytes")
+            files[name] = read_bounded(place, MAX_XML_BYTES)
+            if len(files) > _MAX_FILES or sum(map(len, files.values())) > MAX_XML_BYTES:
+                raise FileFormatError(
+                    f"{path}: includes more than {_MAX_FILES} files, or more than {MAX_XML_BYTES} bytes"
+                )
             waiting.append((str(place), files[name]))
     return files
 

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.bounded_parsers import MOST_XML, cut, read_bounded, xml_root_tag
+from catenary.bounded_parsers import MAX_XML_BYTES, cut, read_bounded, xml_root_tag
 from catenary.config import load_toml
 from catenary.errors import FileFormatError, InputError
 from catenary.robots import geometry
@@ -76,7 +76,7 @@ def described_geometry(
         path = description_of(path, described.description)
     if path.suffix.lower() not in XML_ENDINGS:
         return None
-    content = read_bounded(path, MOST_XML)
+    content = read_bounded(path, MAX_XML_BYTES)
     if xml_root_tag(content, str(path)) == "robot":
         return urdf_shapes(content, str(path), model, path, packages, kind)
     return mjcf_shapes(path, model)

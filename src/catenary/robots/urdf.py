@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.bounded_parsers import MOST_XML, cut, plain_number, read_bounded, xml_tree
+from catenary.bounded_parsers import MAX_XML_BYTES, cut, plain_number, read_bounded, xml_tree
 from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
 from catenary.robots.actuation import Actuation, StatedDrive, stated_actuation
 from catenary.robots.assembly import (
@@ -55,7 +55,7 @@ def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
     several axes, and massless. A mass that the file says is zero is zero, and a doubt where the link is not declared
     massless.
     """
-    content = read_bounded(path, MOST_XML)
+    content = read_bounded(path, MAX_XML_BYTES)
     return parse_urdf(content, str(path), massless=massless, sources=[file_source(path, content)], path=path)
 
 
@@ -80,13 +80,13 @@ def load_xacro(path: str | Path, *, massless: Massless = ()) -> RobotModel:
             f"{path}: is a xacro file, and xacro is not installed: pip install xacro, or source ROS, or expand it "
             "elsewhere (xacro robot.urdf.xacro > robot.urdf) and load the result"
         ) from error
-    content = read_bounded(path, MOST_XML)
+    content = read_bounded(path, MAX_XML_BYTES)
     try:
         text: bytes = xacro.process_file(str(path)).toxml().encode()
     except Exception as error:  # any of an expression's in the file
         raise FileFormatError(f"{path}: xacro cannot expand it: {error}") from error
-    if len(text) > MOST_XML:
-        raise FileFormatError(f"{path}: expands to {len(text)} bytes, expected at most {MOST_XML}")
+    if len(text) > MAX_XML_BYTES:
+        raise FileFormatError(f"{path}: expands to {len(text)} bytes, expected at most {MAX_XML_BYTES}")
     return parse_urdf(text, str(path), massless=massless, sources=[file_source(path, content)], path=path)
 
 
@@ -305,7 +305,7 @@ def _srdf_rotors(path: Path | None, robot: str) -> tuple[dict[str, float], list[
     names = [] if path is None else [f"{name}.srdf" for name in (path.stem, robot) if "/" not in name]
     for place in (folder / name for folder in folders for name in names):
         if place.is_file():
-            rotors, content = dict[str, float](), read_bounded(place, MOST_XML)
+            rotors, content = dict[str, float](), read_bounded(place, MAX_XML_BYTES)
             for joint in xml_tree(content, str(place)).iterfind("rotor_params/joint"):
                 what = f'{place}: rotor of joint "{joint.get("name")}"'
                 gear, inertia = (number_of(what, joint, key) for key in ("gear_ratio", "mass"))  # "mass" in kg m2

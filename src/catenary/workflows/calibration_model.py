@@ -10,7 +10,7 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.arrays import Floats
-from catenary.bounded_parsers import MOST_JSON, json_table, read_bounded
+from catenary.bounded_parsers import MAX_JSON_BYTES, json_table, read_bounded
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.dataset import data_notes, usable_rows
 from catenary.calibration.evaluate import HARM_RATIO, OUTSIDE_SHARE, Evaluation, evaluate
@@ -239,7 +239,7 @@ def card_history(paths: Sequence[Path], factor: float = DRIFT_FACTOR) -> DriftFo
         factor: Ratio of errors from which a model counts as drifted.
     """
     cards = [
-        json_table(read_bounded(path, MOST_JSON), str(path)) if path.suffix == ".json" else load_model(path)[1]
+        json_table(read_bounded(path, MAX_JSON_BYTES), str(path)) if path.suffix == ".json" else load_model(path)[1]
         for path in paths
     ]
     names = [path.stem.removesuffix(".card") for path in paths]

@@ -172,8 +172,8 @@ def check_recording(
     report.findings = findings
     report.remarks = [f"{finding.name}: {finding}" for finding in findings if not finding.refuses]
     seen = [j for j in report.facts["joints"] if (j["highest"] - j["lowest"]) * DISPLAY[j["unit"]][1] > MOVED_DEG_MM]
-    few = [f"{j['name']} {j['reversals']} times" for j in seen if j["reversals"] < _MIN_REVERSALS]
-    report.remarks += [f"few reversals ({', '.join(few)}): slack and hysteresis are uncertain"] * bool(few)
+    rare = [f"{j['name']} {j['reversals']} times" for j in seen if j["reversals"] < _MIN_REVERSALS]
+    report.remarks += [f"few reversals ({', '.join(rare)}): slack and hysteresis are uncertain"] * bool(rare)
     lost = int((~log.ok).sum())
     if log.q_encoder is None:
         report.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")

@@ -126,8 +126,8 @@ def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
             while plant.operating_state().is_busy:
                 plant.wait()
     now, seen = plant.measured_js(), plant.telemetry().get("ext_jpos")
-    if isinstance(plant, CrtkReader) and np.isfinite(heard := plant.external_encoders()).any():
-        seen = heard
+    if isinstance(plant, CrtkReader) and np.isfinite(encoders := plant.external_encoders()).any():
+        seen = encoders
     return Homing(
         robot.name, plant.simulated, was_run, now.time - begin, plant.joint_names, plant.joint_units, now.q,
         None if seen is None else np.array(seen), plant.operating_state(),
