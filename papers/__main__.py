@@ -62,42 +62,44 @@ def _count(text: str) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what the command line asks for; return how the program ends."""
     made = parser()
-    told = made.parse_args(arguments)
+    args = made.parse_args(arguments)
     console = Console(stderr=True)
     try:
-        if told.names == ["list"]:
+        if args.names == ["list"]:
             _list()
             return 0
-        if told.names[0] == "publish":
-            for path in publish(told.out, named(told.names[1:]) if told.names[1:] else None):
+        if args.names[0] == "publish":
+            for path in publish(args.out, named(args.names[1:]) if args.names[1:] else None):
                 print(path)
             return 0
-        if told.names[0] == "confirm":
-            confirm(named(told.names[1:]))
+        if args.names[0] == "confirm":
+            confirm(named(args.names[1:]))
             return 0
-        if told.names[0] == "judge":
-            for name in raw_results(told.names[1:]):
-                judge(name, COMMITTED, told.out)
+        if args.names[0] == "judge":
+            for name in raw_results(args.names[1:]):
+                judge(name, COMMITTED, args.out)
             return 0
-        data = told.data if told.data.is_dir() else None
+        data = args.data if args.data.is_dir() else None
         planned = []
-        if told.names[0] == "authors":
-            if len(told.names) != 2:
+        if args.names[0] == "authors":
+            if len(args.names) != 2:
                 made.error("authors: expected the folder of their recordings")
-            root = Path(told.names[1])
-            planned, told.out = authors.planned(root, quick=told.quick), told.out / f"authors-{authors.digest(root)}"
+            root = Path(args.names[1])
+            planned, args.out = (authors.planned(root, quick=args.quick), args.out / f"authors-{authors.digest(root)}")
         else:
-            for asked in map(experiment, named(told.names)):
-                if asked.needs_data and data is None:
-                    console.print(f"{asked.name}: left out: no recordings in {told.data}; name their folder by --data")
+            for selected in map(experiment, named(args.names)):
+                if selected.needs_data and data is None:
+                    console.print(
+                        f"{selected.name}: left out: no recordings in {args.data}; name their folder by --data"
+                    )
                 else:
-                    planned.append(plan(asked, seeds=told.seeds, quick=told.quick, data=data))
+                    planned.append(plan(selected, seeds=args.seeds, quick=args.quick, data=data))
     except CatenaryError as error:
         made.error(str(error))
     try:
         failed = sweep(
-            planned, told.out, workers=told.workers, cluster=told.cluster, data=data, console=console,
-            minutes=told.within or math.inf,
+            planned, args.out, workers=args.workers, cluster=args.cluster, data=data, console=console,
+            minutes=args.within or math.inf,
         )  # fmt: skip
     except CatenaryError as error:
         made.error(str(error))

@@ -30,63 +30,63 @@ Arguments = dict[str, Any]
 
 def digest(root: Path) -> str:
     """Return eight hexadecimal digits of the names and sizes of a folder's files."""
-    said = [f"{path.relative_to(root)} {path.stat().st_size}" for path in sorted(root.rglob("*.csv"))]
-    return hashlib.sha256("\n".join(said).encode()).hexdigest()[:8]
+    lines = [f"{path.relative_to(root)} {path.stat().st_size}" for path in sorted(root.rglob("*.csv"))]
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:8]
 
 
 def planned(root: Path, *, quick: bool = False) -> list[Planned]:
     """Return the experiments that a folder of recordings holds something of; refused where no file is the authors'."""
     robot = str(root.resolve())
     authors.folders(robot)
-    scope, found = Scope((robot,), networks=1 if quick else Scope.networks), []
-    for asked in map(experiment, NAMES):
-        if cases := tuple(dict.fromkeys(_there(asked, scope, robot))):
-            claims = [replace(one, judge=_as_far_as_measured(one.judge), why="", fitted=False) for one in asked.claims]
-            found.append(Planned(replace(asked, simulated=False, claims=claims), scope, cases))
-    return found
+    scope, plans = Scope((robot,), networks=1 if quick else Scope.networks), []
+    for paper in map(experiment, NAMES):
+        if cases := tuple(dict.fromkeys(_there(paper, scope, robot))):
+            claims = [replace(one, judge=_as_far_as_measured(one.judge), why="", fitted=False) for one in paper.claims]
+            plans.append(Planned(replace(paper, simulated=False, claims=claims), scope, cases))
+    return plans
 
 
-def _there(asked: Experiment, scope: Scope, robot: str) -> Iterator[Case]:
-    for case in asked.cases(scope):
-        function, told = case.load(), case.arguments
+def _there(paper: Experiment, scope: Scope, robot: str) -> Iterator[Case]:
+    for case in paper.cases(scope):
+        function, arguments = case.load(), case.arguments
         if function is sections:  # figure 7, of the nominal robot alone
-            told["seed"] = robot
-        if told.get("seed") != robot or function not in _FITTING:
+            arguments["seed"] = robot
+        if arguments.get("seed") != robot or function not in _FITTING:
             continue
         with suppress(InputError):  # of what it asks the folder holds no session
-            if _FITTING[function](told):
-                yield function.case(**told)
+            if _FITTING[function](arguments):
+                yield function.case(**arguments)
 
 
 # each narrows a case's arguments to what the folder holds, and says whether that is something
-def _of_hours(told: Arguments) -> bool:
-    recorded = set(authors.hours(told["seed"], told.get("condition", "unloaded")).of())
+def _of_hours(arguments: Arguments) -> bool:
+    recorded = set(authors.hours(arguments["seed"], arguments.get("condition", "unloaded")).of())
     for name in ("sets", "ours"):
-        if name in told:
-            told[name] = [one for one in told[name] if set(six_hours.denominators(one)) <= recorded]
-    asked = told["sets"] if "sets" in told else [told["training_set"]]
-    return bool(asked) and all(set(six_hours.denominators(one)) <= recorded for one in asked)
+        if name in arguments:
+            arguments[name] = [one for one in arguments[name] if set(six_hours.denominators(one)) <= recorded]
+    training_sets = arguments["sets"] if "sets" in arguments else [arguments["training_set"]]
+    return bool(training_sets) and all(set(six_hours.denominators(one)) <= recorded for one in training_sets)
 
 
-def _of_homings(told: Arguments) -> bool:
-    session = authors.homed(told["seed"], told["seen"])
-    first, second = (set(session.of(homings=k)) for k in (0, told["seen"]))
-    told["combinations"] = [
+def _of_homings(arguments: Arguments) -> bool:
+    session = authors.homed(arguments["seed"], arguments["seen"])
+    first, second = (set(session.of(homings=k)) for k in (0, arguments["seen"]))
+    arguments["combinations"] = [
         parts
-        for parts in told["combinations"]
+        for parts in arguments["combinations"]
         if all({round(1 / s) for s in part} <= have for part, have in zip(parts, (first, second), strict=True))
     ]
-    told["homings"] = len(session.homings) - 1
-    return bool(told["combinations"])
+    arguments["homings"] = len(session.homings) - 1
+    return bool(arguments["combinations"])
 
 
-def _of_direction(told: Arguments) -> bool:
-    return bool(authors.tested(told["seed"], told["direction"]))
+def _of_direction(arguments: Arguments) -> bool:
+    return bool(authors.tested(arguments["seed"], arguments["direction"]))
 
 
-def _of_sparsities(told: Arguments) -> bool:
-    session, _ = authors.tested(told["seed"], "J2-J3")
-    return {int(part[2:]) for part in figure_5.parts(told["name"])} <= set(session.of())
+def _of_sparsities(arguments: Arguments) -> bool:
+    session, _ = authors.tested(arguments["seed"], "J2-J3")
+    return {int(part[2:]) for part in figure_5.parts(arguments["name"])} <= set(session.of())
 
 
 # what a case asks of the folder, by its function

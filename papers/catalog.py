@@ -56,18 +56,18 @@ MODULES = {
 def experiment(name: str) -> Experiment:
     """Import an experiment by its name."""
     module, _, attribute = MODULES[name].partition(":")
-    found: Experiment = getattr(importlib.import_module(module), attribute or "EXPERIMENT")
-    return found
+    loaded: Experiment = getattr(importlib.import_module(module), attribute or "EXPERIMENT")
+    return loaded
 
 
 def named(words: Sequence[str]) -> list[str]:
     """Return the experiments that words ask for: a name, the beginning of several names, or all."""
     names: list[str] = []
     for word in words:
-        found = [name for name in MODULES if word in ("all", name)] or [
+        matches = [name for name in MODULES if word in ("all", name)] or [
             name for name in MODULES if name.startswith(f"{word}-")
         ]
-        if not found:
+        if not matches:
             raise InputError(f'experiment "{word}": no such one; choices: all, {", ".join(MODULES)}')
-        names += [name for name in found if name not in names]
+        names += [name for name in matches if name not in names]
     return names

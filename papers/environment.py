@@ -25,13 +25,13 @@ NEGLIGIBLE = 1e-12  # differences as good as none, of numbers that are nearly ze
 @functools.cache
 def versions() -> str:
     """Return the versions of Python and of the libraries that results depend on."""
-    told = [f"Python {sys.version_info.major}.{sys.version_info.minor}"]
+    parts = [f"Python {sys.version_info.major}.{sys.version_info.minor}"]
     for name in LIBRARIES:
         try:
-            told.append(f"{name} {version(name)}")
+            parts.append(f"{name} {version(name)}")
         except PackageNotFoundError:  # an extra
-            told.append(f"no {name}")
-    return ", ".join(told)
+            parts.append(f"no {name}")
+    return ", ".join(parts)
 
 
 @functools.cache

@@ -60,16 +60,16 @@ class Case:
     @property
     def label(self) -> str:
         """Return the case in words, for progress and failures."""
-        told = ", ".join(f"{name} {value}" for name, value in self.arguments.items())
-        return f"{self.function.removeprefix('papers.')}({told})"
+        arguments = ", ".join(f"{name} {value}" for name, value in self.arguments.items())
+        return f"{self.function.removeprefix('papers.')}({arguments})"
 
     def load(self) -> "Run":
         """Import the function."""
         module, _, name = self.function.rpartition(".")
-        found = getattr(importlib.import_module(module), name)
-        if not isinstance(found, Run):
-            raise TypeError(f"{self.function}: expected a function marked with @run, got {type(found).__name__}")
-        return found
+        loaded = getattr(importlib.import_module(module), name)
+        if not isinstance(loaded, Run):
+            raise TypeError(f"{self.function}: expected a function marked with @run, got {type(loaded).__name__}")
+        return loaded
 
 
 class Run:
@@ -157,9 +157,11 @@ class Outcomes:
         """
         counts = set()
         for case in self._results:
-            told = case.arguments
-            counts |= {len(told[name]) for name in ("networks", "trainings") if isinstance(told.get(name), list)}
-            counts |= {1} if type(told.get("network")) is int else set()
+            arguments = case.arguments
+            counts |= {
+                len(arguments[name]) for name in ("networks", "trainings") if isinstance(arguments.get(name), list)
+            }
+            counts |= {1} if type(arguments.get("network")) is int else set()
         return sorted(counts - {0})
 
     def of(self, function: Run, **arguments: Plain) -> list[Result]:
@@ -169,9 +171,9 @@ class Outcomes:
     def items(self, function: Run, **arguments: Plain) -> Iterator[tuple[dict[str, Plain], Result]]:
         """Yield arguments and results of a function's cases that have these arguments."""
         for case, result in self._results.items():
-            told = case.arguments
-            if case.function == function.name and all(told.get(k) == v for k, v in arguments.items()):
-                yield told, result
+            stored = case.arguments
+            if case.function == function.name and all(stored.get(k) == v for k, v in arguments.items()):
+                yield stored, result
 
 
 class Judgement(NamedTuple):

@@ -58,9 +58,9 @@ def dots(panel: Any, ticks: Sequence[str], series: Mapping[str, Sequence[Any]], 
         for i, each in enumerate(values):
             if len(each):
                 place = i + 0.8 / len(series) * (k - 0.5 * (len(series) - 1))
-                told = label if i == 0 else None
+                legend = label if i == 0 else None
                 panel.plot(np.full(len(each), place), each, "o", color="white", markeredgecolor="#1c2430", ms=3)
-                panel.plot(place, each.mean(), "o", color=color, ms=7, label=told)
+                panel.plot(place, each.mean(), "o", color=color, ms=7, label=legend)
     panel.set_xticks(range(len(ticks)), ticks, fontsize=8)
     panel.margins(y=0.15)
 

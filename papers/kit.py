@@ -37,8 +37,8 @@ class Sample(np.ndarray):
             return ", ".join(f"{joint} {column:{spec}}" for joint, column in zip(JOINTS, self.T, strict=True))
         if self.ndim == 0:
             return format(float(self), spec)
-        told = mean_and_spread(self, digits)
-        return f"{median(self):.{digits}f} (mean {told})" if spec.endswith("m") else told
+        text = mean_and_spread(self, digits)
+        return f"{median(self):.{digits}f} (mean {text})" if spec.endswith("m") else text
 
 
 def mean_and_spread(values: Iterable[float], digits: int = 3) -> str:
@@ -77,12 +77,12 @@ def by_robot(values: Any) -> Floats:
 
 def sample(outcomes: Outcomes, run: Run, /, *path: str | int, **where: Plain) -> Floats:
     """Return what a function's cases have at a path of their results, robot by robot; some may lack its first step."""
-    found: list[Any] = [one for one in outcomes.of(run, **where) if not path or path[0] in one]
+    values: list[Any] = [one for one in outcomes.of(run, **where) if not path or path[0] in one]
     for part in path:
-        found = [one[part] for one in found]
-    if not found:
+        values = [one[part] for one in values]
+    if not values:
         raise Missing(f"{run.name} {where}")
-    return by_robot(found)
+    return by_robot(values)
 
 
 def grid(run: Run, axes: Mapping[str, Iterable[Plain]], /, **fixed: Plain) -> list[Case]:
@@ -128,7 +128,7 @@ def filled(tables: Iterable[TitledTable]) -> list[TitledTable]:
     return [each for each in tables if each.table.rows]
 
 
-def told(values: Mapping[Any, Any], form: str = ".3f", unit: str = "", *, between: str = ", ") -> str:
+def as_text(values: Mapping[Any, Any], form: str = ".3f", unit: str = "", *, between: str = ", ") -> str:
     """Return named samples as text: "a 1.0 ± 0.1, b ..."."""
     return between.join(f"{name} {value:{form}}{unit}" for name, value in values.items())
 

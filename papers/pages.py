@@ -33,7 +33,7 @@ from catenary.files import write_atomically
 from papers.catalog import MODULES, experiment, named
 from papers.experiment import BEYOND
 from papers.kit import NOT_MEASURED
-from papers.results_files import FITTED, RAW, markdown, shown_verdict, told_of
+from papers.results_files import FITTED, RAW, made_with, markdown, shown_verdict
 
 ROOT = Path(__file__).parents[1]
 COMMITTED = ROOT / "papers" / "results"
@@ -124,10 +124,10 @@ def publish(out: Path, names: Sequence[str] | None = None) -> list[Path]:
 def raw_results(words: Sequence[str]) -> list[str]:
     """Return the experiments of which raw results are committed: those that words ask for, or all without words."""
     names = named(words or ["all"])
-    found = [name for name in names if (COMMITTED / f"{name}{RAW}").exists()]
-    if not found:
+    committed = [name for name in names if (COMMITTED / f"{name}{RAW}").exists()]
+    if not committed:
         raise InputError(f"{COMMITTED}: no raw results of {', '.join(names)}; run them, and publish them")
-    return found
+    return committed
 
 
 def documents() -> list[Path]:
@@ -138,13 +138,13 @@ def documents() -> list[Path]:
 def committed() -> dict[str, dict[str, Any]]:
     """Return committed tables of results by experiment, in the papers' order, claims as the code tells them."""
     return {
-        name: as_told_today(json.loads(path.read_text(encoding="utf-8")))
+        name: with_current_claims(json.loads(path.read_text(encoding="utf-8")))
         for name in MODULES
         if (path := COMMITTED / f"{name}.json").exists()
     }
 
 
-def as_told_today(content: Mapping[str, Any]) -> dict[str, Any]:
+def with_current_claims(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return results with those claims that their experiment makes today, and what it says of them and of its data.
 
     A claim that has another criterion since it was judged is marked as older, and one that is new is not measured: both
@@ -157,8 +157,8 @@ def as_told_today(content: Mapping[str, Any]) -> dict[str, Any]:
         new = {"says": one.says, "place": one.place, "published": one.published, "criterion": one.criterion}
         claim = judged.get(one.says, {**new, **NOT_MEASURED._asdict()})
         stale = bool(one.why) and read.get(one.says) != _reason_of(one.why, claim.get("measured", ""))
-        told = {"why": one.why, "stale": stale, "fitted": one.fitted, "older": claim["criterion"] != one.criterion}
-        claims.append(claim | told)
+        changes = {"why": one.why, "stale": stale, "fitted": one.fitted, "older": claim["criterion"] != one.criterion}
+        claims.append(claim | changes)
     return {
         **content, "simulated": today.simulated, "recordings": today.needs_data, "about": today.about, "claims": claims,
     }  # fmt: skip
@@ -177,8 +177,8 @@ def confirm(names: Sequence[str]) -> None:
 
 
 def _reasons_read() -> dict[str, dict[str, str]]:
-    found: dict[str, dict[str, str]] = json.loads(REASONS.read_text(encoding="utf-8")) if REASONS.exists() else {}
-    return found
+    reasons: dict[str, dict[str, str]] = json.loads(REASONS.read_text(encoding="utf-8")) if REASONS.exists() else {}
+    return reasons
 
 
 def _reason_of(why: str, measured: str) -> str:
@@ -188,22 +188,22 @@ def _reason_of(why: str, measured: str) -> str:
 
 def with_blocks(text: str, results: Results) -> str:
     """Return a document with its blocks written from results."""
-    return BLOCK.sub(lambda found: found[1] + block(found["what"].split(), results) + "\n<!-- end -->", text)
+    return BLOCK.sub(lambda match: match[1] + block(match["what"].split(), results) + "\n<!-- end -->", text)
 
 
 def block(what: Sequence[str], results: Results) -> str:
     """Return what a document quotes, as the module's first lines say."""
-    kind, *rest = what
+    kind, *details = what
     if kind in ("counts", "total"):
         return _counts(results) if kind == "counts" else _total(results)
     if kind == "claims":
-        claims = list(_claims(rest[0], results))
+        claims = list(_claims(details[0], results))
         known = [one for one in claims if one[1]["says"] in HEADLINES]
         return _scoreboard(known or claims, "results/", LONG) if claims else "*No claim has been judged yet.*"
     content = results.get(kind)
     if content is None:
         return f"*No result is committed yet: `python -m papers {kind}`.*"
-    return markdown(content["tables"][int(rest[0]) - 1]) if rest else _short(content)
+    return markdown(content["tables"][int(details[0]) - 1]) if details else _short(content)
 
 
 def page_of(content: Mapping[str, Any]) -> str:
@@ -232,7 +232,7 @@ def page_of(content: Mapping[str, Any]) -> str:
         parts += [FITTED] if any(claim["fitted"] for claim in claims) else []
         parts += [OLDER] if any(claim.get("older") for claim in claims) else []
         parts += [f"*{one['says']}*: {one['why']}{STALE * one.get('stale', False)}" for one in claims if one["why"]]
-    parts.append(f"*{told_of(content)} `python -m papers {content['name']}`*")
+    parts.append(f"*{made_with(content)} `python -m papers {content['name']}`*")
     return "\n\n".join(parts) + "\n"
 
 
@@ -247,8 +247,8 @@ def _short(content: Mapping[str, Any]) -> str:
         small = [one for one in content["tables"] if len(one["rows"]) <= SMALL_ROWS and _words(one) <= SMALL_WORDS]
         parts += [f"{table['title']}:\n\n{markdown(table)}" for table in small[:1]]
     counted = Counter(claim["verdict"] for claim in content["claims"])
-    told = ", ".join(f"{counted[verdict]} {verdict}" for verdict in MARKS if counted[verdict])
-    of = f"Claims: {told}. " if told else ""
+    counts = ", ".join(f"{counted[verdict]} {verdict}" for verdict in MARKS if counted[verdict])
+    of = f"Claims: {counts}. " if counts else ""
     parts.append(f"*{of}[Numbers, criteria, reasons and conditions](results/{content['name']}.md).*")
     return "\n\n".join(parts)
 
@@ -333,9 +333,9 @@ def _scoreboard(claims: Sequence[tuple[str, Mapping[str, Any]]], folder: str, wo
 
 def _brief(numbers: str, words: int) -> str:
     """Return numbers as a line holds them: of long ones the first, and how many parts hold where that is told."""
-    said = numbers.split()
-    if len(said) <= words:
+    parts = numbers.split()
+    if len(parts) <= words:
         return numbers
     counted = re.search(r"\((\d+ of \d+)[^()]*\)$", numbers)
-    first = re.match(r"(.*[\d%a-z])\W", " ".join(said[:words]) + " ")
-    return f"{first[1] if first else said[0]} …{f' ({counted[1]} parts hold)' if counted else ''}"
+    first = re.match(r"(.*[\d%a-z])\W", " ".join(parts[:words]) + " ")
+    return f"{first[1] if first else parts[0]} …{f' ({counted[1]} parts hold)' if counted else ''}"

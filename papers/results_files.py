@@ -41,11 +41,11 @@ def verdict_table(claims: Sequence[tuple[Claim, Judgement]]) -> Table:
             [
                 f"{claim.says} ({claim.place})",
                 claim.published,
-                found.measured,
-                shown_verdict(found.verdict, fitted=claim.fitted),
+                judgement.measured,
+                shown_verdict(judgement.verdict, fitted=claim.fitted),
                 claim.criterion,
             ]
-            for claim, found in claims
+            for claim, judgement in claims
         ],
     )
 
@@ -61,7 +61,9 @@ def summary(
 ) -> dict[str, Any]:
     """Return an experiment's table of results as plain data: what docs quote, and where it comes from."""
     alone = judged(experiment, outcomes.nominal) if claims and outcomes.nominal else []
-    nominal = [{"nominal": f"{found.measured}: {found.verdict}"} for _, found in alone] or [{} for _ in claims]
+    nominal = [{"nominal": f"{judgement.measured}: {judgement.verdict}"} for _, judgement in alone] or [
+        {} for _ in claims
+    ]
     return {
         "name": experiment.name,
         "paper": experiment.paper,
@@ -90,11 +92,11 @@ def summary(
                 "place": claim.place,
                 "published": claim.published,
                 "criterion": claim.criterion,
-                "measured": found.measured,
-                "verdict": found.verdict,
+                "measured": judgement.measured,
+                "verdict": judgement.verdict,
                 **of_nominal,
             }
-            for (claim, found), of_nominal in zip(claims, nominal, strict=True)
+            for (claim, judgement), of_nominal in zip(claims, nominal, strict=True)
         ],
     }
 
@@ -137,14 +139,14 @@ def write_results(
         blocks += [Heading("Claims"), verdict_table(claims)]
         reasons = [f"{claim.says}: {claim.why}" for claim, _ in claims if claim.why]
         blocks.append(Remarks([FITTED, *reasons] if any(claim.fitted for claim, _ in claims) else reasons))
-    blocks.append(Text(told_of(content)))
+    blocks.append(Text(made_with(content)))
     title = f"{experiment.title}{', simulated' if experiment.simulated else ''}"
     write_page(folder / f"{experiment.name}.html", title, experiment.place, blocks, simulated=experiment.simulated)
     write_atomically(folder / f"{experiment.name}.json", json_text(content).encode())
     return content
 
 
-def told_of(content: Mapping[str, Any]) -> str:
+def made_with(content: Mapping[str, Any]) -> str:
     """Say in a sentence what results were made with."""
     robots = ", ".join(str(robot) for robot in content["robots"])
     times = " or ".join(str(count) for count in content["networks"])

@@ -40,10 +40,10 @@ class Failure(NamedTuple):
     """A case that did not end, and why."""
 
     case: Case
-    told: str
+    text: str
 
 
-Told = Callable[[Case, Finished | Failure], None]
+OnEnd = Callable[[Case, Finished | Failure], None]
 
 
 def fingerprint() -> str:
@@ -82,7 +82,7 @@ def run_cases(
     cluster: str | None = None,
     data: Path | None = None,
     until: float = math.inf,
-    told: Told = lambda case, ended: None,
+    report: OnEnd = lambda case, ended: None,
 ) -> list[Failure]:
     """Run those cases that have no result yet, each once, and keep every result as it comes; return failures.
 
@@ -94,10 +94,10 @@ def run_cases(
     def keep(case: Case, ended: Finished | Failure) -> None:
         if isinstance(ended, Failure):
             failures.append(ended)
-            store.write_failure(case, ended.told)
+            store.write_failure(case, ended.text)
         else:
             store.write(case, ended)
-        told(case, ended)
+        report(case, ended)
 
     if not missing:
         return failures
@@ -169,9 +169,9 @@ def _patient(client: Any) -> Iterator[None]:
     keep a worker from answering.
     """
 
-    def exchange(wanted: tuple[int, float | None], dask_scheduler: Any) -> tuple[int, float | None]:
+    def exchange(settings: tuple[int, float | None], dask_scheduler: Any) -> tuple[int, float | None]:
         before = dask_scheduler.allowed_failures, dask_scheduler.worker_ttl
-        dask_scheduler.allowed_failures, dask_scheduler.worker_ttl = wanted
+        dask_scheduler.allowed_failures, dask_scheduler.worker_ttl = settings
         return before
 
     before = client.run_on_scheduler(exchange, (0, math.inf))
@@ -185,24 +185,24 @@ def _require_same(client: Any, cluster: str) -> None:
     """Refuse a cluster whose workers would give other numbers than this process."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
-        found: dict[str, str] = client.run(fingerprint)
+        fingerprints: dict[str, str] = client.run(fingerprint)
     except TimeoutError as error:
         raise InputError(f"cluster {cluster}: no worker within {PATIENCE:g} s") from error
     except ModuleNotFoundError as error:
         raise InputError(f"cluster {cluster}: {error} on its workers; start them beside papers/") from error
-    if others := [f"{address} ({one})" for address, one in found.items() if one != fingerprint()]:
+    if others := [f"{address} ({one})" for address, one in fingerprints.items() if one != fingerprint()]:
         raise InputError(
             f"cluster {cluster}: workers with another catenary or library than here ({__version__}, {fingerprint()}): "
             f"{', '.join(others)}"
         )
     unlike = {address: one for address, one in client.run(processor).items() if one != processor()}
     if unlike:
-        told = "; ".join(f"{address}: {one}" for address, one in unlike.items())
+        texts = "; ".join(f"{address}: {one}" for address, one in unlike.items())
         LOGGER.warning(
             "cluster %s: last digits will differ, as docs/papers.md says: other processors than here (%s): %s",
             cluster,
             processor(),
-            told,
+            texts,
         )
 
 
@@ -256,8 +256,8 @@ def _ended(
                     yield case, future.result(), None
                 else:
                     error = future.exception()
-                    told = "".join(traceback.format_exception(error))
-                    yield case, Failure(case, told or f"{future.status}"), error
+                    text = "".join(traceback.format_exception(error))
+                    yield case, Failure(case, text or f"{future.status}"), error
                 future.release()
                 if waiting:
                     submit()

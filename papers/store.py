@@ -68,11 +68,11 @@ class Store:
         write_atomically(self.folder / f"{case.key}.json", json_text(_content(case, finished)).encode())
         (self.failures / f"{case.key}.txt").unlink(missing_ok=True)
 
-    def write_failure(self, case: Case, told: str) -> Path:
+    def write_failure(self, case: Case, text: str) -> Path:
         """Keep how a case failed, for who looks into it; it runs again the next time."""
         self.failures.mkdir(exist_ok=True)
         path = self.failures / f"{case.key}.txt"
-        write_atomically(path, f"{case.label}\ncatenary {__version__}\n\n{told}".encode())
+        write_atomically(path, f"{case.label}\ncatenary {__version__}\n\n{text}".encode())
         return path
 
 

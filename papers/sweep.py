@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from catenary.files import write_atomically
 from papers.catalog import experiment
 from papers.experiment import NOMINAL, Case, Experiment, Scope
-from papers.results_files import RAW, markdown, told_of, write_results
+from papers.results_files import RAW, made_with, markdown, write_results
 from papers.runner import Failure, run_cases
 from papers.store import Finished, Store, read_raw
 
@@ -27,12 +27,12 @@ class Planned:
     cases: tuple[Case, ...]
 
 
-def plan(asked: Experiment, *, seeds: int | None, quick: bool, data: Path | None) -> Planned:
+def plan(experiment: Experiment, *, seeds: int | None, quick: bool, data: Path | None) -> Planned:
     """Return the cases that an experiment takes."""
-    drawn = 0 if quick or not asked.drawn else asked.drawn if seeds is None else seeds
+    drawn = 0 if quick or not experiment.drawn else experiment.drawn if seeds is None else seeds
     robots = (NOMINAL, *range(1, drawn + 1))
     scope = Scope(robots, networks=1 if quick else Scope.networks, quick=quick, data=data)
-    return Planned(asked, scope, tuple(dict.fromkeys(asked.cases(scope))))
+    return Planned(experiment, scope, tuple(dict.fromkeys(experiment.cases(scope))))
 
 
 def sweep(
@@ -67,18 +67,18 @@ def sweep(
         with Progress(*columns, console=console) as bar:
             task = bar.add_task("cases", total=len(cases), completed=len(cases) - len(waiting))
 
-            def told(case: Case, ended: Finished | Failure) -> None:
+            def report(case: Case, ended: Finished | Failure) -> None:
                 if isinstance(ended, Failure):
-                    last = ended.told.strip().splitlines()[-1]
+                    last = ended.text.strip().splitlines()[-1]
                     console.print(f"failed: {case.label}: {last}", markup=False, soft_wrap=True)
                 bar.advance(task)
                 waiting.discard(case)
                 show_finished()
 
-            failures = run_cases(cases, store, workers=workers, cluster=cluster, data=data, until=until, told=told)
+            failures = run_cases(cases, store, workers=workers, cluster=cluster, data=data, until=until, report=report)
     if len(waiting) > 0:
-        left = ", ".join(one.experiment.name for one in unshown)
-        console.print(f"{len(waiting)} of {len(cases)} cases wait for another sitting: {left}", soft_wrap=True)
+        names = ", ".join(one.experiment.name for one in unshown)
+        console.print(f"{len(waiting)} of {len(cases)} cases wait for another sitting: {names}", soft_wrap=True)
     if failures:
         console.print(f"{len(failures)} of {len(cases)} cases failed; see {store.failures}", soft_wrap=True)
     return len(failures)
@@ -86,29 +86,31 @@ def sweep(
 
 def show(planned: Planned, store: Store, out: Path, console: Console) -> None:
     """Write and print what an experiment's cases show, as far as they have results."""
-    asked, cases = planned.experiment, planned.cases
+    experiment, cases = planned.experiment, planned.cases
     kept = {case: finished for case in cases if (finished := store.read(case)) is not None}
     if not kept:
-        console.print(f"{asked.name}: no case has a result; see {store.failures}", soft_wrap=True)
+        console.print(f"{experiment.name}: no case has a result; see {store.failures}", soft_wrap=True)
         return
     missing = len(cases) - len(kept)
-    show_results(asked, planned.scope, kept, out / "quick" if planned.scope.quick else out, missing)
+    show_results(experiment, planned.scope, kept, out / "quick" if planned.scope.quick else out, missing)
 
 
 def judge(name: str, committed: Path, out: Path) -> None:
     """Write into a folder and print what committed raw results show today: no robot runs."""
     raw = committed / f"{name}{RAW}"
     kept = read_raw(raw)
-    told = json.loads((committed / f"{name}.json").read_text(encoding="utf-8"))
-    robots = tuple(NOMINAL if robot == "nominal" else robot for robot in told["robots"])
+    content = json.loads((committed / f"{name}.json").read_text(encoding="utf-8"))
+    robots = tuple(NOMINAL if robot == "nominal" else robot for robot in content["robots"])
     show_results(experiment(name), Scope(robots), kept, out, 0)
     write_atomically(out / raw.name, raw.read_bytes())  # what the cases were made with stays as they tell it
 
 
-def show_results(asked: Experiment, scope: Scope, kept: Mapping[Case, Finished], folder: Path, missing: int) -> None:
+def show_results(
+    experiment: Experiment, scope: Scope, kept: Mapping[Case, Finished], folder: Path, missing: int
+) -> None:
     """Write and print what results show."""
-    content = write_results(folder, asked, scope, kept, missing)
-    print(f"\n## {asked.title} ({asked.place})\n\n{told_of(content)}")
+    content = write_results(folder, experiment, scope, kept, missing)
+    print(f"\n## {experiment.title} ({experiment.place})\n\n{made_with(content)}")
     for table in content["tables"]:
         print(f"\n{table['title']}\n\n{markdown(table)}")
     for claim in content["claims"]:
@@ -116,4 +118,4 @@ def show_results(asked: Experiment, scope: Scope, kept: Mapping[Case, Finished],
         print(f"- {claim['verdict']}: {says}. Published: {claim['published']}. Here: {claim['measured']}.")
     if missing:
         print(f"\n{missing} of {missing + len(kept)} cases are missing: no verdicts.")
-    print(f"\n{folder / f'{asked.name}.html'}", flush=True)
+    print(f"\n{folder / f'{experiment.name}.html'}", flush=True)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from catenary.bounded_parsers import (
     MAX_LEVELS,
-    MOST_TOML,
+    MAX_TOML_BYTES,
     json_table,
     json_value,
     plain_number,
@@ -63,7 +63,7 @@ def test_json_that_is_refused_names_file_place_and_reason(text, said):
         ("[" + '"a".' * 100_000 + "a]", "nested more than 64"),
         ("a = " + "{a=" * 500 + "1" + "}" * 500, "nested more than 64"),
         ("a = 2020-13-45", "line 1"),
-        ("a = 1\n" * MOST_TOML, "longer than"),
+        ("a = 1\n" * MAX_TOML_BYTES, "longer than"),
         (b"a = '\xff'", "byte 5: is no UTF-8"),
     ],
 )

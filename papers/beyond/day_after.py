@@ -58,11 +58,11 @@ def simulated_day(seed: int | None, drift: str, training: float, day: float) -> 
     plant = homed(seed)
     first = random_log(plant, draws(seed, 70), training)
     second = random_log(drifted(plant, seed, drift), draws(seed, 71), day)
-    found = {}
+    stages = {}
     for name, options in MODELS.items():
         old = fitted([first], options)
-        found[name] = _stages(old, rows_of(old, second), fitted([second], options))
-    return found
+        stages[name] = _stages(old, rows_of(old, second), fitted([second], options))
+    return stages
 
 
 def drifted(plant: CablePlant, seed: int | None, drift: str) -> CablePlant:
@@ -108,8 +108,8 @@ def _stages(
     models = {BEFORE: old}
     for name, minutes in ((ONE, 1.0), (FIVE, 5.0)):
         models[name] = refresh_model(old, new.rows(since < minutes * MINUTE)).model
-    found = {name: _rmse(model, new.rows(late)) for name, model in models.items()}
-    return found | {ALL: _rmse(refit, (new if of_refit is None else of_refit).rows(late))}
+    errors = {name: _rmse(model, new.rows(late)) for name, model in models.items()}
+    return errors | {ALL: _rmse(refit, (new if of_refit is None else of_refit).rows(late))}
 
 
 def _rmse(model: CalibrationModel, data: CalibrationData) -> list[float]:
@@ -153,8 +153,8 @@ def report(o: Outcomes) -> Report:
 
     of_drift = ["model, refreshed with", *(f"{j} {u}" for j, u in zip(JOINTS, UNITS, strict=True))]
     recorded = [
-        [f"{told['train']} to {told['test']}, {stage}", *(f"{value:.3f}" for value in result[stage])]
-        for told, result in o.items(recorded_day)
+        [f"{args['train']} to {args['test']}, {stage}", *(f"{value:.3f}" for value in result[stage])]
+        for args, result in o.items(recorded_day)
         for stage in STAGES
     ]
     of_pair = ["model of, on, refreshed with", *map(" ".join, zip(DVRK_JOINTS, DVRK_UNITS, strict=True))]
@@ -183,7 +183,7 @@ EXPERIMENT = Experiment(
 def _near_all(o: Outcomes) -> Judgement:
     over = np.concatenate([ratios(o, drift, model) for drift in DRIFTS for model in MODELS]).ravel()
     met, median = float((over <= WITHIN).mean()), float(np.median(over))
-    told = (
+    text = (
         f"{met:.0%} of joints, drifts and robots; {median:.2f} times the error in the median, {over.max():.2f} at worst"
     )
-    return graded(met == 1.0, median <= WITHIN, told)
+    return graded(met == 1.0, median <= WITHIN, text)

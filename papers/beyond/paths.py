@@ -110,7 +110,7 @@ def path_errors(
     train = record_simulated(plant, path, name, rng)
     test = recordings.random_log(plant, recordings.draws(seed, 61), test_seconds)
     q, _, _ = path.sample(np.arange(0.0, path.duration, 0.05))
-    found: dict[str, object] = {
+    content: dict[str, object] = {
         "seconds": round(path.duration, 1),
         "reversals": [reversals(column) for column in q.T],
         "range": [round(float(each), 3) for each in np.ptp(q, axis=0) / (CALIBRATION_UPPER - CALIBRATION_LOWER)],
@@ -119,9 +119,9 @@ def path_errors(
         seeds = networks if method == recordings.NETWORK else (0,)
         models = [recordings.fitted([train], replace(recordings.METHODS[method], seed=each)) for each in seeds]
         rows = recordings.rows_of(models[0], test)
-        found[method] = recordings.mean([recordings.rmse(recordings.unguarded(model), rows) for model in models])
-        found |= recordings.baselines(models[0], rows)
-    return found
+        content[method] = recordings.mean([recordings.rmse(recordings.unguarded(model), rows) for model in models])
+        content |= recordings.baselines(models[0], rows)
+    return content
 
 
 def cases(scope: Scope) -> list[Case]:
@@ -191,8 +191,8 @@ def _factors(o: Outcomes) -> TitledTable:
 
     def row(change: str, length: Sequence[float]) -> list[str]:
         after, before = ([middle(o, name, length, model) for model in MODELS] for name in changes[change])
-        left = np.concatenate(after) / np.concatenate(before)
-        return [change, seconds_of(o, length).removesuffix(" s"), *(f"{each:.2f}" for each in left)]
+        ratios = np.concatenate(after) / np.concatenate(before)
+        return [change, seconds_of(o, length).removesuffix(" s"), *(f"{each:.2f}" for each in ratios)]
 
     header = ["what changes", "time [s]", *(f"{model} {joint}" for model in MODELS for joint in JOINTS)]
     return table("Error left of what it was, by what changes", header, rows(row, changes, LENGTHS))
@@ -201,9 +201,9 @@ def _factors(o: Outcomes) -> TitledTable:
 def sentence(o: Outcomes) -> str:
     """Return in a sentence which path leaves the least error, beside the paper's zig-zag for the same time."""
 
-    def told(name: str, length: Sequence[float]) -> str:
-        left = zip(middle(o, name, length, recordings.NETWORK), UNITS, strict=True)
-        return ", ".join(f"{error:.3f} {unit}" for error, unit in left)
+    def error(name: str, length: Sequence[float]) -> str:
+        errors = zip(middle(o, name, length, recordings.NETWORK), UNITS, strict=True)
+        return ", ".join(f"{error:.3f} {unit}" for error, unit in errors)
 
     def back(name: str) -> str:
         return ", ".join(f"{count:.0f}" for count in middle(o, name, SHORT, "reversals"))
@@ -211,8 +211,8 @@ def sentence(o: Outcomes) -> str:
     best = min(PATHS, key=lambda name: float(np.prod(middle(o, name, SHORT, recordings.NETWORK))))
     return (
         f'Of all paths that take {seconds_of(o, SHORT)}, "{best}", whose joints turn back {back(best)} times, leaves '
-        f"the network least: {told(best, SHORT)}, where the zig-zag {ZIGZAG}, whose joints turn back {back(ZIGZAG)} "
-        f"times, leaves {told(ZIGZAG, SHORT)}, and {told(ZIGZAG, LONG)} after {seconds_of(o, LONG)}."
+        f"the network least: {error(best, SHORT)}, where the zig-zag {ZIGZAG}, whose joints turn back {back(ZIGZAG)} "
+        f"times, leaves {error(ZIGZAG, SHORT)}, and {error(ZIGZAG, LONG)} after {seconds_of(o, LONG)}."
     )
 
 
@@ -240,13 +240,13 @@ def _picture(o: Outcomes, lengths: Sequence[Sequence[float]]) -> Any:
 
 def _less(o: Outcomes, name: str, others: Sequence[str]) -> Judgement:
     """Judge whether a path's network is better on every joint and for both lengths than with any of other paths."""
-    holds, told = [], []
+    holds, texts = [], []
     for length in LENGTHS:
         own = middle(o, name, length, recordings.NETWORK)
         least = np.min([middle(o, other, length, recordings.NETWORK) for other in others], axis=0)
         holds += list(own < least)
-        told.append(f"{seconds_of(o, length)}: {_pairs(own, least)}")
-    return by_count(holds, "J1, J2, J3; " + "; ".join(told))
+        texts.append(f"{seconds_of(o, length)}: {_pairs(own, least)}")
+    return by_count(holds, "J1, J2, J3; " + "; ".join(texts))
 
 
 def _pairs(own: Floats, other: Floats) -> str:
@@ -270,15 +270,15 @@ EXPERIMENT = Experiment(
 def _reversals_explain(o: Outcomes) -> Judgement:
     from scipy.stats import spearmanr
 
-    holds, told = [], []
+    holds, texts = [], []
     for model in MODELS:
         ranks = []
         for j in range(3):
             counts, errors = ([middle(o, name, LONG, what)[j] for name in PATHS] for what in ("reversals", model))
             ranks.append(float(spearmanr(counts, errors).statistic))
         holds += [rank <= EXPLAINS for rank in ranks]
-        told.append(f"{model} {', '.join(f'{rank:.2f}' for rank in ranks)}")
-    return by_count(holds, "rank correlation on J1, J2, J3: " + "; ".join(told))
+        texts.append(f"{model} {', '.join(f'{rank:.2f}' for rank in ranks)}")
+    return by_count(holds, "rank correlation on J1, J2, J3: " + "; ".join(texts))
 
 
 @EXPERIMENT.claim(

@@ -33,7 +33,7 @@ ELBOW_FIRST = frozen(np.array([CALIBRATION_UPPER[0], CALIBRATION_UPPER[1], 0.38]
 class Seek:
     """How the positioning joints met their stops in one homing; true positions [rad, rad, m]."""
 
-    found: Floats  # (3, 3) row j: the joints as joint j met its stop
+    stops: Floats  # (3, 3) row j: the joints as joint j met its stop
     registered: Floats  # (3,) the joints as their encoders were registered
     time: Floats  # (T,) [s] since the joints began to look for their stops
     q: Floats  # (T, 3) from there to the registration
@@ -41,27 +41,27 @@ class Seek:
     @property
     def shoulder_after_elbow(self) -> float:
         """How far joint 1 still went after joint 2 had met its stop [rad]; 0 where it was there first."""
-        return float(max(0.0, self.found[1, 0] - self.found[0, 0]))
+        return float(max(0.0, self.stops[1, 0] - self.stops[0, 0]))
 
     @property
     def elbow_left(self) -> float:
         """How far joint 2 had left its stop when it was registered [rad]."""
-        return float(self.found[1, 1] - self.registered[1])
+        return float(self.stops[1, 1] - self.registered[1])
 
 
 def home_watched(plant: CablePlant) -> Seek:
     """Home a robot from where it stands, and watch how its positioning joints meet their stops."""
     plant.state_command("enable")
     plant.state_command("home")
-    found = np.full((N, N), np.nan)
+    stops = np.full((N, N), np.nan)
     q: list[Floats] = []
     for seek in _ticks(plant):
         if seek.any():
             q.append(plant.state.q.copy())
-        for j in np.flatnonzero((seek == STOP_FOUND) & np.isnan(found[:, 0])):
-            found[j] = plant.state.q
+        for j in np.flatnonzero((seek == STOP_FOUND) & np.isnan(stops[:, 0])):
+            stops[j] = plant.state.q
     time = TRACE_TICKS * plant.period * np.arange(len(q[::TRACE_TICKS]), dtype=np.float64)
-    return Seek(found, q[-1], time, np.array(q[::TRACE_TICKS]))
+    return Seek(stops, q[-1], time, np.array(q[::TRACE_TICKS]))
 
 
 def _ticks(plant: CablePlant) -> Iterator[Floats]:
@@ -109,15 +109,15 @@ def registrations(seed: int | None, poses: int) -> Result:
     plant.home()
     usual = registration(plant)
     rng = draws(seed, 30)
-    travel, shift, left = [], [], []
+    travel, shift, moved = [], [], []
     for _ in range(poses):
         move_to(plant, rng.uniform(CALIBRATION_LOWER, CALIBRATION_UPPER), joints=AXES)
         seek = home_watched(plant)
         travel.append(_deg(seek.shoulder_after_elbow))
-        left.append(_deg(seek.elbow_left))
+        moved.append(_deg(seek.elbow_left))
         shift.append(_deg(registration(plant)[1] - usual[1]))
     error = plant.firmware.coupling[0] - plant.cable.coupling[0]
-    return {"coupling_error": float(error), "travel": travel, "shift": shift, "left": left, "traces": traces}
+    return {"coupling_error": float(error), "travel": travel, "shift": shift, "left": moved, "traces": traces}
 
 
 def _deg(angle: float) -> float:
@@ -125,8 +125,8 @@ def _deg(angle: float) -> float:
 
 
 def _trace(seek: Seek) -> Result:
-    stop = seek.found[1, 1]
-    shoulder = int(np.argmax(seek.q[:, 0] <= seek.found[0, 0] + 1e-4))
+    stop = seek.stops[1, 1]
+    shoulder = int(np.argmax(seek.q[:, 0] <= seek.stops[0, 0] + 1e-4))
     return {
         "time": [round(float(t), 3) for t in seek.time],
         "true": [_deg(q - stop) for q in seek.q[:, 1]],

@@ -169,14 +169,14 @@ def cases(scope: Scope) -> list[Case]:
 
 def errors(o: Outcomes, training: str, inputs: str, base: str, model: str) -> Floats:
     """Return RMSE (robots, 3) of a model on a base."""
-    found = [
+    samples = [
         result[base][model]
-        for told, result in o.items(base_errors, inputs=list(INPUTS[inputs]))
-        if _is(told["training"], training) and model in result.get(base, {})
+        for args, result in o.items(base_errors, inputs=list(INPUTS[inputs]))
+        if _is(args["training"], training) and model in result.get(base, {})
     ]
-    if not found:
+    if not samples:
         raise Missing(f"{training}, {inputs}, {model}, {base}")
-    return by_robot(found)
+    return by_robot(samples)
 
 
 def _is(parts: Sequence[Sequence[Any]], training: str) -> bool:
@@ -190,8 +190,8 @@ def report(o: Outcomes) -> Report:
         def row(training: str, kind: tuple[str, str]) -> list[str]:
             inputs, model = kind
             offset = model == "fixed offset"
-            found = (errors(o, training, PAPERS if offset else inputs, base, model)[:, j] for base in BASES)
-            return [training, inputs, model, *(f"{each}" for each in found)]
+            samples = (errors(o, training, PAPERS if offset else inputs, base, model)[:, j] for base in BASES)
+            return [training, inputs, model, *(f"{each}" for each in samples)]
 
         return rows(row, TRAININGS, [*product(SHOWN, KINDS), ("-", "fixed offset")])
 
@@ -204,15 +204,15 @@ def report(o: Outcomes) -> Report:
     return Report(tables, {caption: _picture(o)}, _remarks(o))
 
 
-def joints(*found: Floats) -> str:
+def joints(*samples: Floats) -> str:
     """Return what bases and robots have in the mean, J1/J2/J3."""
-    return "/".join(f"{value:.3f}" for value in np.concatenate(found).mean(axis=0))
+    return "/".join(f"{value:.3f}" for value in np.concatenate(samples).mean(axis=0))
 
 
 def _remarks(o: Outcomes) -> list[str]:
     tilted = [base for base in BASES if base != LEVEL_BASE]
 
-    def told(model: str) -> list[str]:
+    def remark(model: str) -> list[str]:
         parts = [
             joints(*(errors(o, training, inputs, base, model) for base in tilted))
             for training, inputs in product((LEVEL, SEVERAL), SHOWN)
@@ -225,7 +225,7 @@ def _remarks(o: Outcomes) -> list[str]:
         ]
 
     level = [result for of, result in o.items(base_errors, inputs=list(SIXTEEN)) if _is(of["training"], LEVEL)]
-    remarks = [cell for (cell,) in rows(told, KINDS)]
+    remarks = [cell for (cell,) in rows(remark, KINDS)]
     if level:
         shares = (f"{base} {100.0 * np.mean([one[base]['outside'] for one in level]):.0f} %" for base in BASES)
         remarks.append(f"Rows outside the valid range of a model of 16 inputs trained level: {', '.join(shares)}.")

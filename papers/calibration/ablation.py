@@ -74,25 +74,25 @@ def feature_errors(
         and signal in `shuffled` the RMSE with that signal's rows shuffled.
     """
     columns = () if set(FEATURES[features]) <= set(SIXTEEN) else ("all",)
-    plant, beside = recordings.homed(seed), recordings.homed(seed, side="right") if columns else None
+    plant, other = recordings.homed(seed), recordings.homed(seed, side="right") if columns else None
     train = recordings.calibration_log(
-        plant, recordings.draws(seed, 70, 0), sparsities=sparsities, columns=columns, beside=beside
+        plant, recordings.draws(seed, 70, 0), sparsities=sparsities, columns=columns, other=other
     )
-    test = recordings.random_log(plant, recordings.draws(seed, 70, 1), test_seconds, columns=columns, beside=beside)
-    found: dict[str, object] = {}
+    test = recordings.random_log(plant, recordings.draws(seed, 70, 1), test_seconds, columns=columns, other=other)
+    content: dict[str, object] = {}
     shuffled: dict[str, dict[str, list[float]]] = {}
     for name in MODELS:
         options = replace(recordings.METHODS[name], inputs=FEATURES[features])
         seeds = networks if name == recordings.NETWORK else (0,)
         models = [recordings.fitted([train], replace(options, seed=each)) for each in seeds]
-        found[name] = recordings.mean([errors_left(model, test) for model in models])
-        found["inputs"] = len(models[0].features.names)
+        content[name] = recordings.mean([errors_left(model, test) for model in models])
+        content["inputs"] = len(models[0].features.names)
         if features == BOTH:
             shuffled[name] = {
-                told: recordings.mean([errors_left(model, test, shuffle=signal) for model in models])
-                for told, signal in SHUFFLED.items()
+                label: recordings.mean([errors_left(model, test, shuffle=signal) for model in models])
+                for label, signal in SHUFFLED.items()
             }
-    return found | {"shuffled": shuffled}
+    return content | {"shuffled": shuffled}
 
 
 def errors_left(model: CalibrationModel, log: MotionLog, *, shuffle: str | None = None) -> list[float]:
@@ -130,8 +130,8 @@ def report(o: Outcomes) -> Report:
     """Return errors by features, what shuffling does, and a picture of the first."""
 
     def errors(name: str) -> list[str]:
-        found = [each for model in MODELS for each in cells(of(o, name, model))]
-        return [name, f"{o.of(feature_errors, features=name)[0]['inputs']}", *found]
+        texts = [each for model in MODELS for each in cells(of(o, name, model))]
+        return [name, f"{o.of(feature_errors, features=name)[0]['inputs']}", *texts]
 
     def grown(name: str) -> list[str]:
         return [name, *(each for model in MODELS for each in cells(shuffled(o, name, model), 2))]
@@ -183,11 +183,11 @@ EXPERIMENT = Experiment(
 )
 def _both_needed(o: Outcomes) -> Judgement:
     both, positions, torques = (of(o, name, recordings.NETWORK) for name in (BOTH, POSITIONS, TORQUES))
-    told = f"both, positions, torques: {by_joint(both, positions, torques)}"
+    text = f"both, positions, torques: {by_joint(both, positions, torques)}"
     halves = less(both, torques), less(both, positions)  # what positions add, and what torques
     of_each = [f"{half.sum()} of {half.size}" for half in halves]
-    told += f" (positions on {of_each[0]} joints, torques on {of_each[1]})"
-    return graded(all(half.all() for half in halves), all(half.mean() > 0.5 for half in halves), told)
+    text += f" (positions on {of_each[0]} joints, torques on {of_each[1]})"
+    return graded(all(half.all() for half in halves), all(half.mean() > 0.5 for half in halves), text)
 
 
 @EXPERIMENT.claim(
@@ -202,12 +202,12 @@ def _both_needed(o: Outcomes) -> Judgement:
 def _nothing_else(o: Outcomes) -> Judgement:
     both = of(o, BOTH, recordings.NETWORK)
     ratios = {name: of(o, f"+ {name}", recordings.NETWORK) / both for name in FURTHER}
-    told = []
+    texts = []
     for j, joint in enumerate(JOINTS):
         name = min(ratios, key=lambda each: float(ratios[each][:, j].mean()))
-        told.append(f"{joint} {mean_and_spread(ratios[name][:, j], 2)} with {name}")
+        texts.append(f"{joint} {mean_and_spread(ratios[name][:, j], 2)} with {name}")
     return by_count(
-        [each >= NO_HELP for one in ratios.values() for each in one.mean(axis=0)], f"least: {', '.join(told)}"
+        [each >= NO_HELP for one in ratios.values() for each in one.mean(axis=0)], f"least: {', '.join(texts)}"
     )
 
 
@@ -223,5 +223,5 @@ def _nothing_else(o: Outcomes) -> Judgement:
 def _torques_on_joint_3(o: Outcomes) -> Judgement:
     torques, positions = (of(o, name, recordings.NETWORK) for name in (TORQUES, POSITIONS))
     ratio = by_joint(torques / positions, digits=2)
-    told = f"error with torques alone over that with positions alone: {ratio}"
-    return statement(less(torques, positions)[2:], less(positions, torques)[:2], told)
+    text = f"error with torques alone over that with positions alone: {ratio}"
+    return statement(less(torques, positions)[2:], less(positions, torques)[:2], text)

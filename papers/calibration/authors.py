@@ -48,33 +48,33 @@ class Folder:
 
     def of(self, direction: Direction = "J2-J3", homings: int = 0) -> dict[int, list[Path]]:
         """Return zig-zags of a direction by denominator, the coarsest first."""
-        found = {n: paths for (d, n, after), paths in self.zigzags.items() if (d, after) == (direction, homings)}
-        return dict(sorted(found.items()))
+        zigzags = {n: paths for (d, n, after), paths in self.zigzags.items() if (d, after) == (direction, homings)}
+        return dict(sorted(zigzags.items()))
 
 
 def folders(root: str) -> list[Folder]:
     """Return the sessions below a folder; refused where there is none."""
-    found: dict[Path, Folder] = {}
+    sessions: dict[Path, Folder] = {}
     for path in sorted(Path(root).rglob("data_record_*.csv")):
-        said = _NAME.fullmatch(path.name)
-        if said is None:
+        match = _NAME.fullmatch(path.name)
+        if match is None:
             continue
-        one = found.setdefault(path.parent, Folder(path.parent))
-        n, homing = _SPARSITIES.get(said["sparsity"] or "", 0), int(said["homing"] or 0)
-        if said["axes"] and n:
-            direction: Direction = "-".join(_AXES[axis] for axis in said["axes"])  # type: ignore[assignment]
+        one = sessions.setdefault(path.parent, Folder(path.parent))
+        n, homing = _SPARSITIES.get(match["sparsity"] or "", 0), int(match["homing"] or 0)
+        if match["axes"] and n:
+            direction: Direction = "-".join(_AXES[axis] for axis in match["axes"])  # type: ignore[assignment]
             one.zigzags.setdefault((direction, n, homing), []).append(path)
-        elif not said["axes"]:
-            place, key = (one.homings, homing) if said["homing"] else (one.random, n)
-            place, key = (one.hours, int(said["hour"])) if said["hour"] else (place, key)
+        elif not match["axes"]:
+            place, key = (one.homings, homing) if match["homing"] else (one.random, n)
+            place, key = (one.hours, int(match["hour"])) if match["hour"] else (place, key)
             place[key] = path
-    if not found:
+    if not sessions:
         zips = ", ".join(path.name for path in sorted(Path(root).rglob("*.zip"))[:4])
         raise InputError(
             f"{root}: no file is called as the authors' are, data_record_yz_05.csv or data_record_rand1200_h0.csv"
             + (f"; unpack {zips} first" if zips else "")
         )
-    return list(found.values())
+    return list(sessions.values())
 
 
 def read(path: Path, columns: Sequence[str] = (), rate: float | None = None) -> MotionLog:
@@ -88,24 +88,24 @@ def read(path: Path, columns: Sequence[str] = (), rate: float | None = None) -> 
 
 def hours(root: str, condition: str) -> Folder:
     """Return the session of six hours under a condition; refused where there is none, as are those below."""
-    found = (one for one in folders(root) if one.hours and one.condition == condition)
-    return _first(found, f"{root}: no session of six hours, {condition}")
+    matches = (one for one in folders(root) if one.hours and one.condition == condition)
+    return _first(matches, f"{root}: no session of six hours, {condition}")
 
 
 def homed(root: str, seen: int) -> Folder:
     """Return the session of tests after homings, of which training saw `seen`."""
-    found = (one for one in folders(root) if one.homings and bool(one.of(homings=1)) == bool(seen))
-    return _first(found, f"{root}: no session with {seen} homing(s) in training")
+    matches = (one for one in folders(root) if one.homings and bool(one.of(homings=1)) == bool(seen))
+    return _first(matches, f"{root}: no session with {seen} homing(s) in training")
 
 
 def tested(root: str, direction: Direction) -> tuple[Folder, Path]:
     """Return a session with zig-zags of a direction, and the random motion right after."""
     right_after = ((one, [*one.random.values(), one.hours.get(0)][0]) for one in folders(root) if one.of(direction))
-    found = ((one, test) for one, test in right_after if test is not None)
-    return _first(found, f"{root}: no zig-zags of {direction} with a random motion")
+    matches = ((one, test) for one, test in right_after if test is not None)
+    return _first(matches, f"{root}: no zig-zags of {direction} with a random motion")
 
 
-def _first(found: Iterator[_Found], missing: str) -> _Found:
-    for one in found:
+def _first(matches: Iterator[_Found], missing: str) -> _Found:
+    for one in matches:
         return one
     raise InputError(missing)

@@ -69,8 +69,8 @@ def limit_of(recording: str) -> tuple[float, ...] | None:
 
 def variants(kind: str) -> dict[str, FitOptions]:
     """Return a kind of model without memory, and with play states, which the learner has."""
-    found = {kind: KINDS[kind]}
-    return found if kind == "learned" else found | {f"{kind}, play": replace(KINDS[kind], play=PLAY_SHARES)}
+    options = {kind: KINDS[kind]}
+    return options if kind == "learned" else options | {f"{kind}, play": replace(KINDS[kind], play=PLAY_SHARES)}
 
 
 @run(revision=1)
@@ -80,17 +80,17 @@ def model_errors(recording: str, kind: str, seed: int, data: Path) -> Result:
     With them, of the kind `linear`, the raw positions and the fixed offset.
     """
     log = log_of(recording, data)
-    found = {}
+    results = {}
     for name, options in variants(kind).items():
         chosen = replace(options, seed=seed)
         inputs = choose_inputs(Recordings.of([log]), chosen, held_out=HELD_OUT)
         train, test = calibration_data([log], inputs.features, max_error=_limit(recording)).split_by_time(HELD_OUT)
         joints = evaluate(fit_model(train, inputs, chosen), test).joints
-        found[name] = _found([joint.rmse for joint in joints], joints[0].outside_valid_range)
+        results[name] = _found([joint.rmse for joint in joints], joints[0].outside_valid_range)
         if name == "linear":
-            found["raw"] = _found([joint.raw_rmse for joint in joints])
-            found["fixed offset"] = _found([joint.offset_rmse for joint in joints])
-    return found
+            results["raw"] = _found([joint.raw_rmse for joint in joints])
+            results["fixed offset"] = _found([joint.offset_rmse for joint in joints])
+    return results
 
 
 @run(revision=1)
@@ -101,8 +101,8 @@ def peer_errors(recording: str, peer: str, seed: int, quick: bool, data: Path) -
     trained, tested = parted(rows, _limit(recording))
     short = {RECURRENT: {"iterations": 100}, PROCESS: {"carried": 100, "chosen": 50}, TWO_PHASE: {"trees": 5}}
     fitted = PEERS[peer](replace(rows, known=trained), seed=seed, **(short[peer] if quick else {}))
-    left = (rows.error - fitted.correction(rows))[tested] * _shown(log.joint_units)
-    return {peer: _found([float(value) for value in np.sqrt(np.mean(left**2, axis=0))])}
+    residuals = (rows.error - fitted.correction(rows))[tested] * _shown(log.joint_units)
+    return {peer: _found([float(value) for value in np.sqrt(np.mean(residuals**2, axis=0))])}
 
 
 def parted(rows: Rows, limit: Floats | None) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -128,23 +128,23 @@ def _found(rmse: Sequence[float], outside: float = 0.0) -> dict[str, object]:
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every recording, kind of model and training."""
     recordings = ("insertion_train",) if scope.quick else tuple(RECORDINGS)
-    found, seeds = [], scope.networks_of(NOMINAL)
+    planned, seeds = [], scope.networks_of(NOMINAL)
     for recording in recordings:
         for kind in ("linear",) if scope.quick else KINDS:
             trained = seeds if kind.startswith("neural") else (0,)
-            found += grid(model_errors, {"seed": trained}, recording=recording, kind=kind)
-        found += grid(peer_errors, {"peer": PEERS, "seed": seeds}, recording=recording, quick=scope.quick)
-    return found
+            planned += grid(model_errors, {"seed": trained}, recording=recording, kind=kind)
+        planned += grid(peer_errors, {"peer": PEERS, "seed": seeds}, recording=recording, quick=scope.quick)
+    return planned
 
 
 def errors(o: Outcomes, recording: str, what: str = "rmse") -> dict[str, Floats]:
     """Return the RMSE of every model on a recording, (trainings, 6), in the tables' order; or shares `outside`."""
-    found: dict[str, list[Any]] = {}
+    entries: dict[str, list[Any]] = {}
     for result in (*o.of(model_errors, recording=recording), *o.of(peer_errors, recording=recording)):
         for name, entry in result.items():
-            found.setdefault(name, []).append(entry[what])
-    first = [name for name in ("raw", "fixed offset") if name in found]
-    return {name: by_robot(found[name]) for name in dict.fromkeys([*first, *found])}
+            entries.setdefault(name, []).append(entry[what])
+    first = [name for name in ("raw", "fixed offset") if name in entries]
+    return {name: by_robot(entries[name]) for name in dict.fromkeys([*first, *entries])}
 
 
 def present(o: Outcomes) -> list[str]:
@@ -181,9 +181,9 @@ SHOWN = {
 
 def _picture(o: Outcomes) -> Any:
     figure, (panel,) = panels(1, 3.6)
-    found = [errors(o, recording) for recording in present(o)]
+    by_recording = [errors(o, recording) for recording in present(o)]
     for k, (name, color) in enumerate(SHOWN.items()):
-        shares = [each[name].mean(axis=0) / each["fixed offset"].mean(axis=0) for each in found if name in each]
+        shares = [each[name].mean(axis=0) / each["fixed offset"].mean(axis=0) for each in by_recording if name in each]
         if shares:
             middle = np.exp(np.mean(np.log(shares), axis=0))
             spread = np.abs(np.array([np.min(shares, axis=0), np.max(shares, axis=0)]) - middle)

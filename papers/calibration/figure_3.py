@@ -24,7 +24,7 @@ from papers.calibration.published import BOX_SHARES, DURATIONS
 from papers.calibration.recordings import SPARSITIES
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
-from papers.kit import IN_UNITS, JOINTS, Missing, by_count, grid, table, told
+from papers.kit import IN_UNITS, JOINTS, Missing, as_text, by_count, grid, table
 
 DENOMINATORS = (2, 3, 4, 5, 6)
 COMBINATIONS = ((1 / 2, 1 / 3), SPARSITIES)
@@ -119,8 +119,8 @@ def written(sparsities: Sequence[float]) -> str:
 
 def of(o: Outcomes, *sparsities: float) -> Result:
     """Return what the zig-zags of J2-J3 at some sparsities cover."""
-    for found in o.of(path, direction=PAPERS_CHOICE, sparsities=list(sparsities)):
-        return found
+    for result in o.of(path, direction=PAPERS_CHOICE, sparsities=list(sparsities)):
+        return result
     raise Missing(written(sparsities))
 
 
@@ -129,17 +129,17 @@ def report(o: Outcomes) -> Report:
     header = ["direction", "sparsity", "time [s]", *(f"reversals {joint}" for joint in JOINTS), *IN_UNITS]
     header += [*(f"even {joint}" for joint in JOINTS), "volume", "largest hole"]
     content = []
-    for of_path, found in o.items(path):
+    for of_path, result in o.items(path):
         low, high = (
-            (CALIBRATION_LOWER + np.array(found[end]) * (CALIBRATION_UPPER - CALIBRATION_LOWER)) * DISPLAYED
+            (CALIBRATION_LOWER + np.array(result[end]) * (CALIBRATION_UPPER - CALIBRATION_LOWER)) * DISPLAYED
             for end in ("low", "high")
         )
         content.append([
-            *(of_path["direction"], written(of_path["sparsities"]), f"{found['seconds']:.0f}"),
-            *(f"{count}" for count in found["reversals"]),
+            *(of_path["direction"], written(of_path["sparsities"]), f"{result['seconds']:.0f}"),
+            *(f"{count}" for count in result["reversals"]),
             *(f"{a:.1f} to {b:.1f}" for a, b in zip(low, high, strict=True)),
-            *(f"{100.0 * share:.0f} %" for share in found["even"]),
-            *(f"{found['volume']:.3f}", f"{found['hole']:.2f}"),
+            *(f"{100.0 * share:.0f} %" for share in result["even"]),
+            *(f"{result['volume']:.3f}", f"{result['hole']:.2f}"),
         ])  # fmt: skip
     paths = table("Time, reversals, range, and evenly covered share of it, by joint", header, content)
     return Report([paths], {"Directions (top), sparsities (bottom)": _picture(o)})
@@ -150,7 +150,7 @@ def _picture(o: Outcomes) -> Any:
     shown += [(PAPERS_CHOICE, 1 / n) for n in (2, 3, 4, 6)]
     figure, axes = panels(4, 6.0, rows=2, subplot_kw={"projection": "3d"})
     for number, (panel, (direction, sparsity)) in enumerate(zip(axes, shown, strict=True)):
-        found = o.of(path, direction=direction, sparsities=[sparsity])
+        results = o.of(path, direction=direction, sparsities=[sparsity])
         title = direction if number < len(DRAWN) else f"{direction}, sparsity {written([sparsity])}"
         panel.set_title(title, fontsize=9)
         low, high = CALIBRATION_LOWER * DISPLAYED, CALIBRATION_UPPER * DISPLAYED
@@ -160,18 +160,18 @@ def _picture(o: Outcomes) -> Any:
         panel.locator_params(nbins=3)
         panel.tick_params(labelsize=8, pad=-2)
         panel.set_box_aspect((1.0, 1.0, 1.0), zoom=0.86)
-        if found:
-            line = np.array(found[0]["corners"])
+        if results:
+            line = np.array(results[0]["corners"])
             panel.plot(*line.T, color="#4b6b94" if number < len(DRAWN) else "#d9622b", linewidth=0.9)
     return figure
 
 
 def _directions(o: Outcomes) -> dict[str, Result]:
     """Return what each direction covers with three sparsities."""
-    found = {told["direction"]: result for told, result in o.items(path, sparsities=list(SPARSITIES))}
-    if len(found) < len(DIRECTIONS):
+    results = {args["direction"]: result for args, result in o.items(path, sparsities=list(SPARSITIES))}
+    if len(results) < len(DIRECTIONS):
         raise Missing("directions")
-    return found
+    return results
 
 
 EXPERIMENT = Experiment(
@@ -189,7 +189,7 @@ EXPERIMENT = Experiment(
 def _centre(o: Outcomes) -> Judgement:
     middles = {name: (np.array(one["low"]) + np.array(one["high"])) / 2.0 for name, one in _directions(o).items()}
     away = {name: float(np.max(np.abs(middle - 0.5))) for name, middle in middles.items()}
-    return by_count([distance <= CENTRE for distance in away.values()], f"from the box's middle: {told(away)}")
+    return by_count([distance <= CENTRE for distance in away.values()], f"from the box's middle: {as_text(away)}")
 
 
 @EXPERIMENT.claim(
@@ -203,7 +203,7 @@ def _centre(o: Outcomes) -> Judgement:
 def _volume(o: Outcomes) -> Judgement:
     volumes = {name: one["volume"] for name, one in _directions(o).items()}
     middle = float(np.median(list(volumes.values())))
-    return by_count([abs(volume / middle - 1.0) <= VOLUME for volume in volumes.values()], told(volumes))
+    return by_count([abs(volume / middle - 1.0) <= VOLUME for volume in volumes.values()], as_text(volumes))
 
 
 @EXPERIMENT.claim(
@@ -214,13 +214,13 @@ def _volume(o: Outcomes) -> Judgement:
     "for more than half",
 )
 def _ranges(o: Outcomes) -> Judgement:
-    holds, said = [], []
+    holds, texts = [], []
     for direction, one in _directions(o).items():
         named = direction.split("-")
         shares = (np.array(one["high"]) - one["low"])[[JOINTS.index(joint) for joint in named]]
         holds.append(bool((np.abs(shares / BOX_SHARES[len(named)] - 1.0) <= RANGE).all()))
-        said.append(f"{direction} {' '.join(f'{share:.2f}' for share in shares)}")
-    return by_count(holds, f"share of the swept joints' ranges: {', '.join(said)}")
+        texts.append(f"{direction} {' '.join(f'{share:.2f}' for share in shares)}")
+    return by_count(holds, f"share of the swept joints' ranges: {', '.join(texts)}")
 
 
 @EXPERIMENT.claim(
@@ -237,8 +237,8 @@ def _sparsity_across(o: Outcomes) -> Judgement:
         for joint, shares in even.items()
         for other, share in shares.items()
     ]
-    said = [f"{joint}: {', '.join(f'{100.0 * share:.0f} %' for share in of.values())}" for joint, of in even.items()]
-    return by_count(holds, f"evenly covered of J1, J2, J3; {'; '.join(said)}")
+    texts = [f"{joint}: {', '.join(f'{100.0 * share:.0f} %' for share in of.values())}" for joint, of in even.items()]
+    return by_count(holds, f"evenly covered of J1, J2, J3; {'; '.join(texts)}")
 
 
 @EXPERIMENT.claim(
@@ -249,10 +249,10 @@ def _sparsity_across(o: Outcomes) -> Judgement:
     "half of these",
 )
 def _sparser(o: Outcomes) -> Judgement:
-    found = {n: of(o, 1 / n) for n in DENOMINATORS}
-    seconds, holes = ([one[name] for one in found.values()] for name in ("seconds", "hole"))
-    said = ", ".join(f"1/{n} {one['seconds']:.0f} s, {one['hole']:.2f}" for n, one in found.items())
-    return by_count([*(np.diff(seconds) > 0.0), *(np.diff(holes) < 0.0)], f"time and largest hole: {said}")
+    paths = {n: of(o, 1 / n) for n in DENOMINATORS}
+    seconds, holes = ([one[name] for one in paths.values()] for name in ("seconds", "hole"))
+    text = ", ".join(f"1/{n} {one['seconds']:.0f} s, {one['hole']:.2f}" for n, one in paths.items())
+    return by_count([*(np.diff(seconds) > 0.0), *(np.diff(holes) < 0.0)], f"time and largest hole: {text}")
 
 
 @EXPERIMENT.claim(
@@ -264,9 +264,9 @@ def _sparser(o: Outcomes) -> Judgement:
     "recordings",
 )
 def _seconds(o: Outcomes) -> Judgement:
-    found = {sparsities: of(o, *sparsities)["seconds"] for sparsities in DURATIONS}
-    holds = [abs(seconds / DURATIONS[each] - 1.0) <= SECONDS for each, seconds in found.items()]
-    return by_count(holds, ", ".join(f"{written(each)} {seconds:.0f} s" for each, seconds in found.items()))
+    times = {sparsities: of(o, *sparsities)["seconds"] for sparsities in DURATIONS}
+    holds = [abs(seconds / DURATIONS[each] - 1.0) <= SECONDS for each, seconds in times.items()]
+    return by_count(holds, ", ".join(f"{written(each)} {seconds:.0f} s" for each, seconds in times.items()))
 
 
 @EXPERIMENT.claim(
@@ -280,5 +280,5 @@ def _calibration(o: Outcomes) -> Judgement:
     recording = [of(o, *sparsities)["seconds"] / 60.0 for sparsities in ((1 / 2,), SPARSITIES)]
     whole = [minutes + sum(BESIDE.values()) for minutes in recording]
     holds = [abs(ours / paper - 1.0) <= MINUTES for ours, paper in zip(whole, CALIBRATION, strict=True)]
-    said, of_which = (" to ".join(f"{minutes:.1f}" for minutes in each) for each in (whole, recording))
-    return by_count(holds, f"{said} min, of which recording {of_which}")
+    text, of_which = (" to ".join(f"{minutes:.1f}" for minutes in each) for each in (whole, recording))
+    return by_count(holds, f"{text} min, of which recording {of_which}")

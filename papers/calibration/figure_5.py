@@ -27,7 +27,7 @@ from papers.calibration.published import DURATIONS, FIGURE_5_J1, FIGURE_5_J2, FI
 from papers.calibration.recordings import METHODS, NETWORK, SETS, baselines, fitted, mean, rmse, rows_of, unguarded
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
 from papers.figures import METHOD_COLORS, legend_below, panels
-from papers.kit import IN_UNITS, by_count, graded, grid, sample, told
+from papers.kit import IN_UNITS, as_text, by_count, graded, grid, sample
 from papers.plant.targets import fitted_to
 
 RECORDINGS = {"1/2": 5, "1/3": 5, "1/4": 5, "1/5": 3, "1/6": 3}
@@ -89,9 +89,9 @@ def recorded(
 
 
 def _of_authors(root: str, parts_of: Iterable[str]) -> Session:
-    found, any_test = authors.tested(root, "J2-J3")
-    zigzags = {f"1/{n}": [authors.read(path) for path in paths] for n, paths in found.of().items()}
-    test = {part: authors.read(found.random.get(int(part[2:]), any_test)) for part in parts_of}
+    folder, any_test = authors.tested(root, "J2-J3")
+    zigzags = {f"1/{n}": [authors.read(path) for path in paths] for n, paths in folder.of().items()}
+    test = {part: authors.read(folder.random.get(int(part[2:]), any_test)) for part in parts_of}
     return Session(zigzags, test)
 
 
@@ -107,18 +107,18 @@ def sparsity_errors(
     """
     finest = parts(name)[-1]
     session = recorded(seed, recordings, finest, test_seconds=test_seconds)
-    found: dict[str, Any] = {method: [] for method in SHOWN}
+    results: dict[str, Any] = {method: [] for method in SHOWN}
     for training in session.training(name):
         models: list[CalibrationModel] = []
         for method in MODELS:
             seeds = networks if method == NETWORK else (0,)
             models = [fitted(training, replace(METHODS[method], seed=each)) for each in seeds]
             rows = rows_of(models[0], session.test[finest])
-            found[method].append(mean([rmse(unguarded(model), rows) for model in models]))
-        found[OFFSET].append(baselines(models[0], rows)[OFFSET])
-        found["outside"] = outside(models[0], session.test[finest])
-        found["seconds"] = round(sum(_seconds(log) for log in training), 1)
-    return found
+            results[method].append(mean([rmse(unguarded(model), rows) for model in models]))
+        results[OFFSET].append(baselines(models[0], rows)[OFFSET])
+        results["outside"] = outside(models[0], session.test[finest])
+        results["seconds"] = round(sum(_seconds(log) for log in training), 1)
+    return results
 
 
 def _seconds(log: MotionLog) -> float:
@@ -131,8 +131,8 @@ def cases(scope: Scope) -> list[Case]:
     counts, names, seconds = (
         ({"1/2": 1}, SETS[:1], 60.0) if scope.quick else (RECORDINGS, SETS, recordings.TEST_SECONDS)
     )
-    told = {"recordings": counts, "networks": scope.networks_of, "test_seconds": seconds}
-    return grid(sparsity_errors, {"seed": scope.robots, "name": names}, **told)
+    common = {"recordings": counts, "networks": scope.networks_of, "test_seconds": seconds}
+    return grid(sparsity_errors, {"seed": scope.robots, "name": names}, **common)
 
 
 def repetitions(o: Outcomes, name: str, method: str) -> Floats:
@@ -152,7 +152,7 @@ def deviations(o: Outcomes, name: str, method: str) -> Floats:
 
 def combinations(o: Outcomes) -> dict[str, float]:
     """Return how long every combination that has run takes to record [s], the shortest first."""
-    names = dict.fromkeys(told["name"] for told, _ in o.items(sparsity_errors))
+    names = dict.fromkeys(args["name"] for args, _ in o.items(sparsity_errors))
     seconds = {name: float(sample(o, sparsity_errors, "seconds", name=name).mean()) for name in names}
     return dict(sorted(seconds.items(), key=lambda one: one[1]))
 
@@ -231,10 +231,10 @@ def _longer_gains(
     o: Outcomes, joint: int, spans: Mapping[str, Sequence[str]], published: Mapping[str, Mapping[str, float]]
 ) -> Judgement:
     """Judge a joint's errors after shorter and longer recordings, in this order, by the paper's."""
-    found = {span: _of(o, names, PAIR, joint) for span, names in spans.items()}
-    reached = {f"{method} {span}": errors for span, each in found.items() for method, errors in each.items()}
+    by_span = {span: _of(o, names, PAIR, joint) for span, names in spans.items()}
+    reached = {f"{method} {span}": errors for span, each in by_span.items() for method, errors in each.items()}
     papers = {f"{method} {span}": published[span][method] for span in spans for method in PAIR}
-    shorter, longer = found.values()
+    shorter, longer = by_span.values()
     return near(reached, papers, CLOSE, direction=[less(longer[m], shorter[m]) for m in PAIR])
 
 
@@ -269,7 +269,7 @@ def _polynomial_shortest(o: Outcomes) -> Judgement:
     reached = _of(o, [SHORTEST], SHOWN, 0)
     worst = all(less(reached[m], reached["polynomial"]) for m in PAIR)
     no_better = reached["polynomial"].mean() >= NO_BETTER * reached[OFFSET].mean()
-    return graded(no_better, worst, told(reached))
+    return graded(no_better, worst, as_text(reached))
 
 
 @EXPERIMENT.claim(
@@ -295,12 +295,12 @@ def _joint_1_longest(o: Outcomes) -> Judgement:
     f"the polynomial, which has most to learn, gains on joints 2 and 3; {LEARNED}",
 )
 def _more_sparsity(o: Outcomes) -> Judgement:
-    holds, said = [], []
+    holds, texts = [], []
     for method in MODELS:
         before, after = (by_robot(o, names, method) for names in short_and_long(o))
         holds += list(less(after, before))
-        said.append(f"{method} {changes(before, after)}")
-    return by_count(holds, "from below 500 s to above 800 s: " + "; ".join(said))
+        texts.append(f"{method} {changes(before, after)}")
+    return by_count(holds, "from below 500 s to above 800 s: " + "; ".join(texts))
 
 
 @EXPERIMENT.claim(
@@ -312,12 +312,12 @@ def _more_sparsity(o: Outcomes) -> Judgement:
     "does so within the spread over robots",
 )
 def _deviation_falls(o: Outcomes) -> Judgement:
-    holds, said = [], []
+    holds, texts = [], []
     for method in MODELS:
         first, last = (deviations(o, name, method)[:, 0] for name in (SHORTEST, LONGEST))
         holds.append(less(last, first))
-        said.append(f"{method} {first:.4f} to {last:.4f}")
-    return by_count(holds, "; ".join(said))
+        texts.append(f"{method} {first:.4f} to {last:.4f}")
+    return by_count(holds, "; ".join(texts))
 
 
 @EXPERIMENT.claim(
@@ -345,7 +345,7 @@ def _network_needs_least(o: Outcomes) -> Judgement:
     short, _ = short_and_long(o)
     reached = {method: by_robot(o, short, method) for method in MODELS}
     linear, polynomial = (less(reached[NETWORK], reached[other]) for other in ("linear", "polynomial"))
-    return statement(linear, polynomial, f"below 500 s: {told(reached, between='; ')}")
+    return statement(linear, polynomial, f"below 500 s: {as_text(reached, between='; ')}")
 
 
 @EXPERIMENT.claim(
@@ -373,8 +373,8 @@ def _joint_2_polynomial(o: Outcomes) -> Judgement:
     last = _of(o, [LONGEST], MODELS, 1)
     largest = int(np.sum(spread["polynomial"] > np.maximum(*(spread[m] for m in PAIR))))
     no_better = all(last["polynomial"].mean() >= last[m].mean() for m in PAIR)
-    said = f"largest spread at {largest} of {len(SETS)} sparsities; at the longest {told(last)}"
-    return by_count([largest > len(SETS) / 2, no_better], said)
+    text = f"largest spread at {largest} of {len(SETS)} sparsities; at the longest {as_text(last)}"
+    return by_count([largest > len(SETS) / 2, no_better], text)
 
 
 @EXPERIMENT.claim(
@@ -401,4 +401,4 @@ def _joint_3_flat(o: Outcomes) -> Judgement:
     longer = [name for name, time in seconds.items() if time > seconds[ENOUGH_FOR_J3]]
     after, at = (_of(o, names, PAIR, 2) for names in (longer, [ENOUGH_FOR_J3]))
     ratios = {method: after[method] / at[method] for method in PAIR}
-    return by_count([ratio.mean() >= FLAT for ratio in ratios.values()], f"error left of that: {told(ratios)}")
+    return by_count([ratio.mean() >= FLAT for ratio in ratios.values()], f"error left of that: {as_text(ratios)}")

@@ -34,7 +34,7 @@ from papers.calibration.recordings import LEARNER, NETWORK, draws, homed, random
 from papers.calibration.six_hours import CONDITIONS, HOURS, LONG, LONGEST, OFFSET, SHORT, SHORTEST, Condition, measured
 from papers.experiment import NOMINAL, Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import METHOD_COLORS, log_scale, panels
-from papers.kit import IN_UNITS, Missing, by_count, by_robot, filled, graded, grid, joint_tables, rows, table, told
+from papers.kit import IN_UNITS, Missing, as_text, by_count, by_robot, filled, graded, grid, joint_tables, rows, table
 from papers.plant.targets import fitted_to
 
 SHOWN = (OFFSET, "linear", "polynomial", NETWORK, LEARNER)
@@ -78,8 +78,8 @@ def cases(scope: Scope) -> list[Case]:
 def report(o: Outcomes) -> Report:
     """Return errors of the first and the last hour by joint, of every hour, and the paper's picture."""
     driving = [
-        [f"{told['payload'] * 1e3:.0f} g", *(f"{value:.3f}" for value in result["rms"])]
-        for told, result in o.items(torques)
+        [f"{args['payload'] * 1e3:.0f} g", *(f"{value:.3f}" for value in result["rms"])]
+        for args, result in o.items(torques)
     ]
     header = "condition, model | hour 0 | paper | hour 5 | paper | hour 5, guarded"
     every = ["condition, model", "training", *(f"hour {hour}" for hour in range(6))]
@@ -102,13 +102,13 @@ def report(o: Outcomes) -> Report:
 
 def _ends(o: Outcomes, j: int) -> list[list[str]]:
     def row(condition: Condition, model: str) -> list[str]:
-        found = measured(o, condition, model, LONGEST)
-        found = found if found.size else measured(o, condition, model)
-        if not found.size:
+        errors = measured(o, condition, model, LONGEST)
+        errors = errors if errors.size else measured(o, condition, model)
+        if not errors.size:
             raise Missing(model)
         guarded = measured(o, condition, model, LONGEST, kind="guarded")
         first, last = paper_numbers(condition, model, j)
-        ends = [_over_robots(found[:, :, hour, j]) for hour in (0, -1)]
+        ends = [_over_robots(errors[:, :, hour, j]) for hour in (0, -1)]
         end = _over_robots(guarded[:, :, -1, j]) if guarded.size else "-"
         return [f"{condition}, {model}", ends[0], first, ends[1], last, end]
 
@@ -119,10 +119,10 @@ def _every_hour(o: Outcomes, j: int) -> list[list[str]]:
     """Return a joint's errors by condition, model and training, a column for each hour; idle hours are two."""
 
     def row(condition: Condition, model: str, sets: str) -> list[str]:
-        found = measured(o, condition, model, TRAINED[sets])
-        if not found.size:
+        errors = measured(o, condition, model, TRAINED[sets])
+        if not errors.size:
             raise Missing(model)
-        by_hour = {hour: _over_robots(found[:, :, k, j]) for k, hour in enumerate(HOURS[condition])}
+        by_hour = {hour: _over_robots(errors[:, :, k, j]) for k, hour in enumerate(HOURS[condition])}
         return [f"{condition}, {model}", sets, *(by_hour.get(hour, "-") for hour in range(6))]
 
     return rows(row, CONDITIONS, SHOWN, TRAINED)
@@ -149,10 +149,10 @@ def _picture(o: Outcomes) -> Any:
     for place, panel in enumerate(axes):
         j, condition = place // 3, CONDITIONS[place % 3]
         for k, model in enumerate(SHOWN):
-            found = measured(o, condition, model)
-            if not found.size:
+            errors = measured(o, condition, model)
+            if not errors.size:
                 continue
-            boxes = found[..., j].mean(axis=0)  # (sets, hours)
+            boxes = errors[..., j].mean(axis=0)  # (sets, hours)
             at = np.array(HOURS[condition]) + (k - (len(SHOWN) - 1) / 2.0) * 0.17
             _boxes(panel, boxes, at, model)
             panel.plot(at, np.median(boxes, axis=0), color=METHOD_COLORS[model], linewidth=1.0)
@@ -193,10 +193,10 @@ def _mark(panel: Any, better: NDArray[np.bool_], boxes: Floats, j: int, at: Floa
 
 def hourly(o: Outcomes, condition: Condition, model: str, sets: Sequence[str] = LONGEST) -> Floats:
     """Return errors by robot, hour and joint, the mean over training sets."""
-    found = measured(o, condition, model, sets)
-    if not found.size:
+    errors = measured(o, condition, model, sets)
+    if not errors.size:
         raise Missing(f"{condition} {model}")
-    return by_robot(found.mean(axis=1))
+    return by_robot(errors.mean(axis=1))
 
 
 def losses(o: Outcomes, condition: Condition, model: str) -> Floats:
@@ -206,7 +206,7 @@ def losses(o: Outcomes, condition: Condition, model: str) -> Floats:
 
 
 def _losses(o: Outcomes, condition: Condition, models: Sequence[str] = COMPARED) -> str:
-    return told({model: losses(o, condition, model) for model in models}, between="; ")
+    return as_text({model: losses(o, condition, model) for model in models}, between="; ")
 
 
 def _published(condition: Condition, models: Sequence[str] = COMPARED) -> str:
@@ -247,10 +247,10 @@ def _unloaded_loses(o: Outcomes) -> Judgement:
     fitted=fitted_to("linear", "hour 5, unloaded"),
 )
 def _joint_1_loses_most(o: Outcomes) -> Judgement:
-    found = {f"{each}, {model}": losses(o, each, model).T[:2] for each in MOVED for model in LEARNT}
-    said = "; ".join(f"{name} {first} against {second} deg" for name, (first, second) in found.items())
+    lost = {f"{each}, {model}": losses(o, each, model).T[:2] for each in MOVED for model in LEARNT}
+    text = "; ".join(f"{name} {first} against {second} deg" for name, (first, second) in lost.items())
     both = [np.mean([losses(o, each, model) for model in LEARNT], axis=0) for each in MOVED]
-    return by_one_session([loss[:, 0] - loss[:, 1] for loss in both], said)
+    return by_one_session([loss[:, 0] - loss[:, 1] for loss in both], text)
 
 
 @EXPERIMENT.claim(
@@ -277,8 +277,8 @@ def _idle_keeps(o: Outcomes) -> Judgement:
 )
 def _loaded_worse(o: Outcomes) -> Judgement:
     unloaded, loaded = (np.mean([losses(o, each, model) for model in LEARNT], axis=0) for each in MOVED)
-    said = "; ".join(f"{condition}, {_losses(o, condition, LEARNT)}" for condition in MOVED)
-    return by_one_session((loaded - unloaded).T, said)
+    text = "; ".join(f"{condition}, {_losses(o, condition, LEARNT)}" for condition in MOVED)
+    return by_one_session((loaded - unloaded).T, text)
 
 
 @EXPERIMENT.claim(
@@ -289,10 +289,10 @@ def _loaded_worse(o: Outcomes) -> Judgement:
     _NO_WEAR_BY_LOAD,
 )
 def _loaded_twice_on_joint_1(o: Outcomes) -> Judgement:
-    found = {model: [losses(o, condition, model)[:, 0] for condition in MOVED] for model in LEARNT}
-    ratios = {model: loaded / unloaded for model, (unloaded, loaded) in found.items()}
-    unloaded, loaded = np.mean([*found.values()], axis=0)
-    return by_one_session([loaded - TWICE * unloaded], told(ratios, ".2f", " times"))
+    lost = {model: [losses(o, condition, model)[:, 0] for condition in MOVED] for model in LEARNT}
+    ratios = {model: loaded / unloaded for model, (unloaded, loaded) in lost.items()}
+    unloaded, loaded = np.mean([*lost.values()], axis=0)
+    return by_one_session([loaded - TWICE * unloaded], as_text(ratios, ".2f", " times"))
 
 
 @EXPERIMENT.claim(
@@ -316,13 +316,13 @@ def _offset_loses_more_loaded(o: Outcomes) -> Judgement:
     fitted=fitted_to("fixed offset", "hour 0, unloaded"),
 )
 def _offset_loses_on_joint_1(o: Outcomes) -> Judgement:
-    sessions, said = [], []
+    sessions, texts = [], []
     for condition in MOVED:
         errors = hourly(o, condition, OFFSET)
         grown = errors[:, -1] / errors[:, 0] - 1.0
         sessions.append(grown[:, 0] - grown[:, 1:].max(axis=1))
-        said.append(f"{condition} {by_joint(100.0 * grown, digits=0, unit=' %')}")
-    return by_one_session(sessions, "; ".join(said))
+        texts.append(f"{condition} {by_joint(100.0 * grown, digits=0, unit=' %')}")
+    return by_one_session(sessions, "; ".join(texts))
 
 
 @EXPERIMENT.claim(
@@ -339,13 +339,13 @@ def _within_loaded(o: Outcomes) -> Judgement:
 
 
 def _numbers(o: Outcomes, condition: Condition) -> Judgement:
-    parts, said = [], []
+    parts, texts = [], []
     for model in LEARNT:
         ends = hourly(o, condition, model)[:, [0, -1]]
-        wanted = np.array(published.SIX_HOURS[condition][model])
-        parts += list((np.abs(ends.mean(axis=0) - wanted) <= CLOSE * wanted).ravel())
-        said.append(f"{model} hours 0, 5 {by_joint(ends[:, 0], ends[:, 1])}")
-    return by_count(parts, "; ".join(said))
+        paper = np.array(published.SIX_HOURS[condition][model])
+        parts += list((np.abs(ends.mean(axis=0) - paper) <= CLOSE * paper).ravel())
+        texts.append(f"{model} hours 0, 5 {by_joint(ends[:, 0], ends[:, 1])}")
+    return by_count(parts, "; ".join(texts))
 
 
 for each in CONDITIONS:
@@ -380,8 +380,8 @@ def considerably_better(o: Outcomes, condition: Condition, model: str) -> NDArra
 def _idle_polynomial(o: Outcomes) -> Judgement:
     errors = hourly(o, "idle", POLYNOMIAL)
     first, last = errors[:, 0, 0], errors[:, -1, 0]
-    told = f"{first} to {last} deg"
-    return by_count([last.mean() > DECAYS * first.mean()], told)
+    text = f"{first} to {last} deg"
+    return by_count([last.mean() > DECAYS * first.mean()], text)
 
 
 @EXPERIMENT.claim(
@@ -394,15 +394,15 @@ def _idle_polynomial(o: Outcomes) -> Judgement:
     "with and without a guard agree in the tables), so that the polynomial is asked what it was trained for",
 )
 def _moved_polynomial(o: Outcomes) -> Judgement:
-    close, more, told = [], [], []
+    close, more, texts = [], [], []
     for condition in MOVED:
         errors = hourly(o, condition, POLYNOMIAL)[:, [0, -1], 0]
         close.append(errors[:, 1].mean() >= (1.0 - CLOSE) * SIX_HOURS_POLYNOMIAL_J1[condition][1])
         loss, linear = (losses(o, condition, model)[:, 0] for model in (POLYNOMIAL, "linear"))
         more.append(less_lost(linear, loss))
         ends = " to ".join(f"{each}" for each in errors.T)
-        told.append(f"{condition} {ends} deg, the linear model's loss {linear}")
-    return graded(all(close), all(more), "; ".join(told))
+        texts.append(f"{condition} {ends} deg, the linear model's loss {linear}")
+    return graded(all(close), all(more), "; ".join(texts))
 
 
 @EXPERIMENT.claim(
@@ -414,16 +414,16 @@ def _moved_polynomial(o: Outcomes) -> Judgement:
     "direction: the former in more than half of six",
 )
 def _unstable_polynomial(o: Outcomes) -> Judgement:
-    worse, unstable, told = [], [], []
+    worse, unstable, texts = [], [], []
     for condition in CONDITIONS:
         by_set = {model: measured(o, condition, model).mean(axis=2)[..., 1:] for model in (POLYNOMIAL, *LEARNT)}
         mean = {model: hourly(o, condition, model).mean(axis=1)[:, 1:] for model in by_set}
-        scatter = {model: found.std(axis=1).mean(axis=0) for model, found in by_set.items()}
+        scatter = {model: errors.std(axis=1).mean(axis=0) for model, errors in by_set.items()}
         worse += list(np.all([less(mean[each], mean[POLYNOMIAL], CONSIDERABLE) for each in LEARNT], axis=0))
         unstable += list(np.all([scatter[POLYNOMIAL] > scatter[each] for each in LEARNT], axis=0))
         over = mean[POLYNOMIAL] / np.max([mean[each] for each in LEARNT], axis=0)
-        told.append(f"{condition} J2 {over[:, 0]:.2f}, J3 {over[:, 1]:.2f} times")
-    return statement(worse, unstable, "error over the worse of network and linear model: " + ", ".join(told))
+        texts.append(f"{condition} J2 {over[:, 0]:.2f}, J3 {over[:, 1]:.2f} times")
+    return statement(worse, unstable, "error over the worse of network and linear model: " + ", ".join(texts))
 
 
 @EXPERIMENT.claim(
@@ -435,13 +435,13 @@ def _unstable_polynomial(o: Outcomes) -> Judgement:
     f"{_DRIFT}; and right after training short recordings are enough, too (figure 5)",
 )
 def _longer_is_better(o: Outcomes) -> Judgement:
-    parts, told = [], []
+    parts, texts = [], []
     for condition in MOVED:
         for model in LEARNT:
             short, long = (hourly(o, condition, model, sets)[:, -1] for sets in (SHORT, LONG))
             parts += list(less(long, short))
-            told.append(f"{condition}, {model} {changes(short, long)}")
-    return by_count(parts, "from short to long training: " + "; ".join(told))
+            texts.append(f"{condition}, {model} {changes(short, long)}")
+    return by_count(parts, "from short to long training: " + "; ".join(texts))
 
 
 @EXPERIMENT.claim(
@@ -459,10 +459,10 @@ def _arrows(o: Outcomes) -> Judgement:
         model: np.concatenate([considerably_better(o, condition, model).ravel() for condition in CONDITIONS])
         for model in (*REGRESSIONS, NETWORK)
     }
-    told = ", ".join(f"{model} {each.sum()} of {each.size}" for model, each in marked.items())
+    text = ", ".join(f"{model} {each.sum()} of {each.size}" for model, each in marked.items())
     regressions = float(np.mean([marked[model].mean() for model in REGRESSIONS]))
     more = all(marked[model].mean() > marked[NETWORK].mean() for model in REGRESSIONS)
-    return graded(regressions >= MANY and more, more, f"entries that are considerably better: {told}")
+    return graded(regressions >= MANY and more, more, f"entries that are considerably better: {text}")
 
 
 @EXPERIMENT.claim(
@@ -476,9 +476,9 @@ def _arrows(o: Outcomes) -> Judgement:
 def _linear_after_hour_3(o: Outcomes) -> Judgement:
     ends = {model: [hourly(o, "unloaded", model, sets)[:, LATE, 0] for sets in (SHORT, LONG)] for model in LEARNT}
     gained = {model: 1.0 - long / short for model, (short, long) in ends.items()}
-    told = "; ".join(
+    text = "; ".join(
         f"{model} by " + ", ".join(f"{100.0 * each:.1f} %" for each in shares.T) for model, shares in gained.items()
     )
     short, long = ends["linear"]
-    beside = gained[NETWORK].mean(axis=0) < gained["linear"].mean(axis=0)
-    return statement(less(long, short), beside, f"longer training better in hours 3, 4, 5: {told}")
+    gains_less = gained[NETWORK].mean(axis=0) < gained["linear"].mean(axis=0)
+    return statement(less(long, short), gains_less, f"longer training better in hours 3, 4, 5: {text}")

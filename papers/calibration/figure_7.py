@@ -40,17 +40,17 @@ def sections(
     session = recorded(seed, "unloaded", zigzags=zigzags, hour_seconds=hour_seconds)
     training = session.training(training_set)
     fits = {model: fitted(training, fit_options(model, "error")) for model in (OFFSET, *models)}
-    found: dict[str, dict[str, list[float] | list[list[float]]]] = {}
+    content: dict[str, dict[str, list[float] | list[list[float]]]] = {}
     for hour in HOURS:
         log = session.test[hour]
         count = round(seconds * TEST_RATE)
         truth = np.asarray(log.q_encoder)[:count]
         section = {"time": np.asarray(log.time)[:count], TRUTH: SHOWN * truth}
         for name, model in fits.items():
-            left = left_by(model if name == LEARNER else unguarded(model), rows_of(model, log))[:count]
-            section[name] = SHOWN * (truth - left)
-        found[str(hour)] = {name: np.round(values, DIGITS).tolist() for name, values in section.items()}
-    return found
+            residual = left_by(model if name == LEARNER else unguarded(model), rows_of(model, log))[:count]
+            section[name] = SHOWN * (truth - residual)
+        content[str(hour)] = {name: np.round(values, DIGITS).tolist() for name, values in section.items()}
+    return content
 
 
 def cases(scope: Scope) -> list[Case]:
@@ -67,8 +67,8 @@ def report(o: Outcomes) -> Report:
     names = [name for name in result["0"] if name not in ("time", TRUTH)]
 
     def row(name: str) -> list[str]:
-        left = [_array(result, hour, TRUTH) - _array(result, hour, name) for hour in HOURS]
-        return [name, *(f"{value:.3f}" for each in left for value in np.sqrt(np.mean(each**2, axis=0)))]
+        residuals = [_array(result, hour, TRUTH) - _array(result, hour, name) for hour in HOURS]
+        return [name, *(f"{value:.3f}" for each in residuals for value in np.sqrt(np.mean(each**2, axis=0)))]
 
     header = ["model", *(f"hour {hour}, {joint}" for hour in HOURS for joint in IN_UNITS)]
     return Report(
@@ -89,8 +89,8 @@ def _picture(result: Result, names: Sequence[str]) -> Any:
         j, hour = place // 3, HOURS[place % 3]
         time, truth = _array(result, hour, "time"), _array(result, hour, TRUTH)[:, j]
         for name in names:
-            left = truth - _array(result, hour, name)[:, j]
-            panel.plot(time, left, color=METHOD_COLORS[name], linewidth=0.9, label=name)
+            residual = truth - _array(result, hour, name)[:, j]
+            panel.plot(time, residual, color=METHOD_COLORS[name], linewidth=0.9, label=name)
         panel.axhline(0.0, color="black", linewidth=0.6)
         if j == 0:
             panel.set_title(f"hour {hour}", fontsize=10)

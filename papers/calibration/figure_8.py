@@ -38,7 +38,7 @@ from papers.calibration.recordings import NETWORK, SETS, fitted, network_model, 
 from papers.calibration.six_hours import DENOMINATORS, HOUR, INPUTS, LONGEST, fit_options, joint_rmse, left_by, recorded
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
 from papers.figures import METHOD_COLORS, log_scale, panels
-from papers.kit import IN_UNITS, JOINTS, Missing, by_count, by_robot, filled, mean_and_spread, rows, table, told
+from papers.kit import IN_UNITS, JOINTS, Missing, as_text, by_count, by_robot, filled, mean_and_spread, rows, table
 
 TOLERANCE = 1e-9  # of the largest singular value of the standardised inputs
 ALL = ("all", "stamped")  # columns of `six_hours`
@@ -87,7 +87,7 @@ def all_inputs(
         training set, that of the inputs, the polynomial's terms in as many axes, and their rank.
     """
     session = recorded(seed, "unloaded", zigzags=zigzags, hour_seconds=hour_seconds, columns=("all",))
-    found: dict[str, dict[str, Any]] = {"polynomial": {}, LARGER: {}, "ranks": {}}
+    results: dict[str, dict[str, Any]] = {"polynomial": {}, LARGER: {}, "ranks": {}}
     settings = replace(PAPER_LARGER, epochs=epochs)
     for name in sets:
         training = session.training(name)
@@ -97,15 +97,15 @@ def all_inputs(
         scores = (data.X - mean) / scale @ axes
         polynomial = fit_polynomial(scores, data.error)
         tests = [rows_of(linear, log) for log in session.test.values()]
-        found["polynomial"][name] = [
+        results["polynomial"][name] = [
             joint_rmse(test.error - polynomial.predict((test.X - mean) / scale @ axes)) for test in tests
         ]
         monomials = PolynomialFeatures(2, include_bias=False).fit_transform(scores / scores.std(axis=0))
         rank = int(np.linalg.matrix_rank(monomials - monomials.mean(axis=0)))
-        found["ranks"][name] = [axes.shape[1], monomials.shape[1], rank]
+        results["ranks"][name] = [axes.shape[1], monomials.shape[1], rank]
         larger = network_model(training, settings, inputs=INPUTS[columns], seed=network)
-        found[LARGER][name] = [joint_rmse(left_by(unguarded(larger), test)) for test in tests]
-    return found
+        results[LARGER][name] = [joint_rmse(left_by(unguarded(larger), test)) for test in tests]
+    return results
 
 
 @run(revision=1)
@@ -136,8 +136,8 @@ def sizes() -> Result:
 def by_set(o: Outcomes, model: str, columns: str, sets: Sequence[str] = SETS) -> dict[str, Floats]:
     """Return errors by training set, the mean of the hours by robot and joint, (robots, 3); without those not run."""
     if columns == "16" or model not in ("polynomial", LARGER):
-        found = six_hours.measured(o, "unloaded", model, sets, columns=columns)
-        return dict(zip(sets, found.mean(axis=2).swapaxes(0, 1), strict=False)) if found.size else {}
+        errors = six_hours.measured(o, "unloaded", model, sets, columns=columns)
+        return dict(zip(sets, errors.mean(axis=2).swapaxes(0, 1), strict=False)) if errors.size else {}
     rows: dict[str, list[Floats]] = {}
     for result in o.of(all_inputs, columns=columns):
         for name in sets:
@@ -152,11 +152,11 @@ def cases(scope: Scope) -> list[Case]:
     sets = SETS[:1] if scope.quick else LONGEST
     models = ("linear",) if scope.quick else ("linear", NETWORK)
     variants = ALL[:1] if scope.quick else ALL
-    found = six_hours.cases_of(scope, ("unloaded",))
+    planned = six_hours.cases_of(scope, ("unloaded",))
     for columns in variants:
-        found += six_hours.cases_of(scope, ("unloaded",), models, columns=columns)
+        planned += six_hours.cases_of(scope, ("unloaded",), models, columns=columns)
     return [
-        *found,
+        *planned,
         sizes.case(),
         *(
             all_inputs.case(
@@ -183,26 +183,26 @@ def report(o: Outcomes) -> Report:
     ]
 
     def row(model: str, columns: str) -> list[str]:
-        found = by_set(o, model, columns)
-        if not found:
+        errors = by_set(o, model, columns)
+        if not errors:
             raise Missing(model)
-        longest = [found[name] for name in LONGEST if name in found]
+        longest = [errors[name] for name in LONGEST if name in errors]
         paper = (published.INPUTS_16 if columns == "16" else published.INPUTS_138).get(model)
-        said = [f"{model}, {COLUMNS_SHOWN[columns]}", f"{len(found)}", trainings(o, model)]
+        texts = [f"{model}, {COLUMNS_SHOWN[columns]}", f"{len(errors)}", trainings(o, model)]
         for j in range(3):
-            said.append(_in_text([each[:, j] for each in found.values()]))
-            said.append(_in_text([each[:, j] for each in longest]) if longest else "-")
-            said.append("-" if paper is None else f"{paper[j]:.3f}")
-        return said
+            texts.append(_in_text([each[:, j] for each in errors.values()]))
+            texts.append(_in_text([each[:, j] for each in longest]) if longest else "-")
+            texts.append("-" if paper is None else f"{paper[j]:.3f}")
+        return texts
 
     weights = [
-        [name, f"{counted[name]:,}", f"{wanted:,}"]
+        [name, f"{counted[name]:,}", f"{paper_count:,}"]
         for counted in o.of(sizes)
-        for name, wanted in published.PARAMETERS.items()
+        for name, paper_count in published.PARAMETERS.items()
     ]
     ranks = [
-        [f"{COLUMNS_SHOWN[told['columns']]}, {name}", *(str(value) for value in values)]
-        for told, result in o.items(all_inputs, seed=None)
+        [f"{COLUMNS_SHOWN[args['columns']]}, {name}", *(str(value) for value in values)]
+        for args, result in o.items(all_inputs, seed=None)
         for name, values in result["ranks"].items()
     ]
     tables = [
@@ -235,7 +235,7 @@ def trainings(o: Outcomes, model: str) -> str:
     """Return how often a network is trained; "-" for a regression, which has no seed."""
     if model == LARGER:
         return "1"
-    counts = {len(told["networks"]) for told, result in o.items(six_hours.six_hours) if model in result}
+    counts = {len(args["networks"]) for args, result in o.items(six_hours.six_hours) if model in result}
     return ", ".join(str(each) for each in sorted(counts)) if model == NETWORK else "-"
 
 
@@ -247,11 +247,11 @@ def _picture(o: Outcomes) -> Any:
         at = 0.0
         for model in SHOWN:
             for columns, inputs in COLUMNS_SHOWN.items():
-                found = by_set(o, model, columns)
-                if not found:
+                errors = by_set(o, model, columns)
+                if not errors:
                     continue
                 panel.boxplot(
-                    [[each[:, j].mean() for each in found.values()]],
+                    [[each[:, j].mean() for each in errors.values()]],
                     positions=[at], widths=0.6, patch_artist=True, manage_ticks=False,
                     boxprops={"facecolor": COLORS[model], "alpha": 0.6},
                     medianprops={"color": "black"}, flierprops={"marker": ".", "markersize": 3},
@@ -271,10 +271,10 @@ def _picture(o: Outcomes) -> Any:
 
 def errors_of(o: Outcomes, model: str, columns: str, sets: Sequence[str] = LONGEST) -> Floats:
     """Return the mean over training sets and hours, (robots, 3)."""
-    found = by_set(o, model, columns, sets)
-    if len(found) < len(sets):
+    errors = by_set(o, model, columns, sets)
+    if len(errors) < len(sets):
         raise Missing(f"{model} of {columns}")
-    return by_robot(np.mean(list(found.values()), axis=0))
+    return by_robot(np.mean(list(errors.values()), axis=0))
 
 
 EXPERIMENT = Experiment(
@@ -285,8 +285,8 @@ EXPERIMENT = Experiment(
 @EXPERIMENT.claim("Networks have 12,103, 24,303 and 585,503 parameters", "II-H", "12,103, 24,303, 585,503", "equal")
 def _counted(o: Outcomes) -> Judgement:
     counted, *_ = o.of(sizes)
-    said = ", ".join(f"{name} {counted[name]:,}" for name in published.PARAMETERS)
-    return by_count([counted[name] == wanted for name, wanted in published.PARAMETERS.items()], said)
+    text = ", ".join(f"{name} {counted[name]:,}" for name in published.PARAMETERS)
+    return by_count([counted[name] == paper for name, paper in published.PARAMETERS.items()], text)
 
 
 @EXPERIMENT.claim(
@@ -298,9 +298,9 @@ def _counted(o: Outcomes) -> Judgement:
     fitted=True,
 )
 def _selected(o: Outcomes) -> Judgement:
-    found = {model: errors_of(o, model, "16", SETS) for model in published.INPUTS_16}
-    off = [np.abs(found[model].mean(axis=0) / wanted - 1.0) for model, wanted in published.INPUTS_16.items()]
-    return by_count(np.concatenate(off) <= CLOSE, told(found, between="; "))
+    errors = {model: errors_of(o, model, "16", SETS) for model in published.INPUTS_16}
+    off = [np.abs(errors[model].mean(axis=0) / paper - 1.0) for model, paper in published.INPUTS_16.items()]
+    return by_count(np.concatenate(off) <= CLOSE, as_text(errors, between="; "))
 
 
 @EXPERIMENT.claim(
@@ -317,7 +317,7 @@ def _network_worse(o: Outcomes) -> Judgement:
     few = errors_of(o, NETWORK, "16")
     ratios = {COLUMNS_SHOWN[columns]: errors_of(o, NETWORK, columns) / few for columns in ALL}
     worse = ratios[COLUMNS_SHOWN["stamped"]].mean(axis=0) >= CONSIDERABLE
-    return by_count(worse, f"in times the error of 16: {told(ratios, '.2f', between='; ')}")
+    return by_count(worse, f"in times the error of 16: {as_text(ratios, '.2f', between='; ')}")
 
 
 @EXPERIMENT.claim(
@@ -333,8 +333,8 @@ def _network_worse(o: Outcomes) -> Judgement:
 def _larger_between(o: Outcomes) -> Judgement:
     few = errors_of(o, NETWORK, "16")
     small, larger = (errors_of(o, model, "stamped") for model in (NETWORK, LARGER))
-    said = f"small with 16, larger, small with 138: {by_joint(few, larger, small)}"
-    return statement(less(larger, small), less(few, larger), said)
+    text = f"small with 16, larger, small with 138: {by_joint(few, larger, small)}"
+    return statement(less(larger, small), less(few, larger), text)
 
 
 @EXPERIMENT.claim(
@@ -348,10 +348,10 @@ def _larger_between(o: Outcomes) -> Judgement:
 )
 def _linear_ruined(o: Outcomes) -> Judgement:
     offset = errors_of(o, six_hours.OFFSET, "16")
-    found = {"fixed offset": offset} | {COLUMNS_SHOWN[each]: errors_of(o, "linear", each) for each in ALL}
-    found["after the three shortest, stamp"] = errors_of(o, "linear", "stamped", six_hours.SHORTEST)
-    ruined = found[COLUMNS_SHOWN["stamped"]].mean(axis=0) >= offset.mean(axis=0)
-    return by_count(ruined, told(found, between="; "))
+    errors = {"fixed offset": offset} | {COLUMNS_SHOWN[each]: errors_of(o, "linear", each) for each in ALL}
+    errors["after the three shortest, stamp"] = errors_of(o, "linear", "stamped", six_hours.SHORTEST)
+    ruined = errors[COLUMNS_SHOWN["stamped"]].mean(axis=0) >= offset.mean(axis=0)
+    return by_count(ruined, as_text(errors, between="; "))
 
 
 @EXPERIMENT.claim(

@@ -33,7 +33,7 @@ from papers.calibration import authors, published, recordings
 from papers.calibration.judging import BY_ONE_SESSION, CONSIDERABLE, by_one_session, less, statement
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
 from papers.figures import legend_below, panels
-from papers.kit import IN_UNITS, Missing, by_count, by_robot, cells, grid, joint_tables, median, rows, told
+from papers.kit import IN_UNITS, Missing, as_text, by_count, by_robot, cells, grid, joint_tables, median, rows
 
 TESTS = 900  # number of the first test motion among a robot's draws
 Tests = dict[str, list[MotionLog]]  # by chain
@@ -143,9 +143,9 @@ def _recorded(
 ) -> tuple[list[dict[float, MotionLog]], Tests]:
     """Return both parts of the training, by sparsity, and the tests of each chain."""
     if isinstance(seed, str):
-        found = authors.homed(seed, seen)
-        parts = [{1 / n: authors.read(paths[0]) for n, paths in found.of(homings=k).items()} for k in (0, seen)]
-        return parts, {ONE if seen else NONE: [authors.read(path) for _, path in sorted(found.homings.items())]}
+        folder = authors.homed(seed, seen)
+        parts = [{1 / n: authors.read(paths[0]) for n, paths in folder.of(homings=k).items()} for k in (0, seen)]
+        return parts, {ONE if seen else NONE: [authors.read(path) for _, path in sorted(folder.homings.items())]}
     plant = recordings.homed(seed)
     first = _part(plant, seed, 0, [before for before, _ in combinations])
     if seen:
@@ -201,10 +201,10 @@ def tool_shift(train: Sequence[MotionLog], test: MotionLog) -> float:
 
 def errors(o: Outcomes, chain: str, method: str) -> Floats:
     """Return RMSE (robots, combinations, 1 + homings, 3) of a method along a chain of tests."""
-    found = [result[chain][method] for result in o.of(homing_errors) if method in result.get(chain, {})]
-    if not found:
+    samples = [result[chain][method] for result in o.of(homing_errors) if method in result.get(chain, {})]
+    if not samples:
         raise Missing(f"{chain}, {method}")
-    return by_robot(found)
+    return by_robot(samples)
 
 
 def per_robot(o: Outcomes, chain: str, method: str) -> Floats:
@@ -243,17 +243,17 @@ def report(o: Outcomes) -> Report:
 
 
 def _remarks(o: Outcomes) -> list[str]:
-    told = []
+    remarks = []
     for chain in CHAINS:
-        if found := [result[chain] for result in o.of(homing_errors) if chain in result]:
-            outside, far = (np.mean([each[what] for each in found], axis=(0, 1)) for what in ("outside", "tool"))
+        if results := [result[chain] for result in o.of(homing_errors) if chain in result]:
+            outside, far = (np.mean([each[what] for each in results], axis=(0, 1)) for what in ("outside", "tool"))
             listed = ", ".join(f"{100.0 * share:.0f} %" for share in outside)
-            told += [
+            remarks += [
                 f"Rows outside the valid range of models of 16 inputs, {chain}: {listed}.",
                 f"Farthest tool joint from where it stood in training, in standard deviations of that, {chain}: "
                 f"{', '.join(f'{each:.1f}' for each in far)}.",
             ]
-    return told
+    return remarks
 
 
 def _picture(o: Outcomes) -> Any:
@@ -290,20 +290,20 @@ def _published(panel: Any, method: str, joint: int) -> None:
 
 
 def _flat(o: Outcomes, joint: int, *, outliers: int) -> Judgement:
-    holds, said = [], []
+    holds, texts = [], []
     for method, chain in product(MODELS, (NONE, ONE)):
-        found = per_robot(o, chain, method)[..., joint]
-        order = np.argsort(median(found))
-        least, greatest = found[:, order[0]], found[:, order[-1 - outliers]]
+        samples = per_robot(o, chain, method)[..., joint]
+        order = np.argsort(median(samples))
+        least, greatest = samples[:, order[0]], samples[:, order[-1 - outliers]]
         holds.append(bool(median(greatest) <= FLAT * median(least)))
-        said.append(f"{method}, {chain} {least:.3m} to {greatest:.3m}")
-    return by_count(holds, "; ".join(said))
+        texts.append(f"{method}, {chain} {least:.3m} to {greatest:.3m}")
+    return by_count(holds, "; ".join(texts))
 
 
 def _greatest(o: Outcomes, chain: str, method: str) -> Floats:
     """Return joint 2's errors (robots,) after that homing after which their median is the greatest."""
-    found = per_robot(o, chain, method)[:, 1:, 1]
-    return found[:, median(found).argmax()]
+    samples = per_robot(o, chain, method)[:, 1:, 1]
+    return samples[:, median(samples).argmax()]
 
 
 EXPERIMENT = Experiment(
@@ -335,9 +335,9 @@ def _joint_1(o: Outcomes) -> Judgement:
 )
 def _joint_2(o: Outcomes) -> Judgement:
     ends = {method: per_robot(o, NONE, method)[:, [0, -1], 1].T for method in MODELS}
-    told = "; ".join(f"{method} {first:.3m} to {last:.3m}" for method, (first, last) in ends.items())
+    text = "; ".join(f"{method} {first:.3m} to {last:.3m}" for method, (first, last) in ends.items())
     first, last = np.mean([*ends.values()], axis=0)
-    return by_one_session([last - WORSE * first], told)
+    return by_one_session([last - WORSE * first], text)
 
 
 @EXPERIMENT.claim(
@@ -350,9 +350,9 @@ def _joint_2(o: Outcomes) -> Judgement:
 )
 def _one_seen(o: Outcomes) -> Judgement:
     greatest = {m: [_greatest(o, chain, m) for chain in (NONE, ONE)] for m in MODELS}
-    told = "; ".join(f"{method} {none:.3m}, {one:.3m}" for method, (none, one) in greatest.items())
+    text = "; ".join(f"{method} {none:.3m}, {one:.3m}" for method, (none, one) in greatest.items())
     none, one = np.mean([*greatest.values()], axis=0)
-    return by_one_session([BETTER * none - one], f"greatest of five with none seen, one seen: {told}")
+    return by_one_session([BETTER * none - one], f"greatest of five with none seen, one seen: {text}")
 
 
 @EXPERIMENT.claim(
@@ -365,7 +365,7 @@ def _one_seen(o: Outcomes) -> Judgement:
 def _one_seen_within(o: Outcomes) -> Judgement:
     greatest = {method: _greatest(o, ONE, method) for method in MODELS}
     holds = [median(each) <= published.HOMINGS_J2_SEEN[method] for method, each in greatest.items()]
-    return by_count(holds, told(greatest, ".3m"))
+    return by_count(holds, as_text(greatest, ".3m"))
 
 
 @EXPERIMENT.claim(
@@ -390,11 +390,11 @@ def _joint_3(o: Outcomes) -> Judgement:
     f"joint 2 is hit on four robots of six, and not on two, so that robots differ by more than it grows; {BY_THE_TOOL}",
 )
 def _joint_2_most(o: Outcomes) -> Judgement:
-    hurt, spared, told = [], [], []
+    hurt, spared, texts = [], [], []
     for method in MODELS:
         homed, stayed = (per_robot(o, chain, method)[:, 1:].mean(axis=1) for chain in (NONE, BASELINE))
         grown = homed / stayed
         hurt.append(bool(less(stayed, homed, CONSIDERABLE)[1] and median(grown).argmax() == 1))
         spared += [ratio < 1.0 + CONSIDERABLE for ratio in median(grown)[[0, 2]]]
-        told.append(f"{method} {by_robot(grown):.2m}")
-    return statement(hurt, spared, "error over that without homing: " + "; ".join(told))
+        texts.append(f"{method} {by_robot(grown):.2m}")
+    return statement(hurt, spared, "error over that without homing: " + "; ".join(texts))

@@ -15,7 +15,7 @@ from scipy import stats
 
 from catenary.arrays import Floats
 from papers.experiment import Judgement
-from papers.kit import JOINTS, by_robot, graded, mean_and_spread, told
+from papers.kit import JOINTS, as_text, by_robot, graded, mean_and_spread
 
 MARGIN = 0.05  # of the larger error
 CONSIDERABLE = 0.2  # of the larger error: what the paper calls considerably better
@@ -46,13 +46,13 @@ def _beyond_spread(gained: Floats, margin: Any) -> Any:
     return (gained.mean(axis=0) > margin) & (gained.mean(axis=0) > spread)
 
 
-def statement(core: Iterable[bool], beside: Iterable[bool], measured: str) -> Judgement:
+def statement(core: Iterable[bool], further: Iterable[bool], measured: str) -> Judgement:
     """Judge a statement and what stands beside it.
 
     Reproduced where all holds; the same direction where the statement itself holds in more than half of its parts, and
     more than half of all parts hold.
     """
-    own, other = [bool(each) for each in core], [bool(each) for each in beside]
+    own, other = [bool(each) for each in core], [bool(each) for each in further]
     direction = sum(own) > len(own) / 2 and sum(own + other) > len(own + other) / 2
     counted = f"{sum(own)} of {len(own)}, beside it {sum(other)} of {len(other)}"
     return graded(all(own + other), direction, f"{measured} ({counted})")
@@ -67,10 +67,10 @@ def by_one_session(sessions: Iterable[Floats], measured: str) -> Judgement:
     for gained in map(np.asarray, sessions):
         n = len(gained)
         chance *= stats.t.cdf(gained.mean() / (gained.std(ddof=1) * np.sqrt(1.0 + 1.0 / n)), n - 1) if n > 1 else 0.5
-    said = f"{measured}; one session shows it with a probability of {chance:.2f}"
+    text = f"{measured}; one session shows it with a probability of {chance:.2f}"
     if 1.0 - _SURE < chance < _SURE:
-        return Judgement("cannot be judged by one session", said)
-    return graded(chance >= _SURE, False, said)
+        return Judgement("cannot be judged by one session", text)
+    return graded(chance >= _SURE, False, text)
 
 
 def near(
@@ -80,16 +80,16 @@ def near(
     close = all(
         abs(values.mean() - published[name]) <= share * abs(published[name]) for name, values in reached.items()
     )
-    return graded(close, all(direction), told({name: by_robot(values) for name, values in reached.items()}))
+    return graded(close, all(direction), as_text({name: by_robot(values) for name, values in reached.items()}))
 
 
 def by_joint(*samples: Floats, digits: int = 3, unit: str = "") -> str:
     """Return samples (robots, 3) joint by joint, mean and spread: "J1 0.104 ± 0.012, J2 ..."; several by commas."""
-    told = [
+    texts = [
         f"{joint} " + ", ".join(f"{_in_text(each[:, j], digits)}{unit}" for each in samples)
         for j, joint in enumerate(JOINTS)
     ]
-    return ("; " if len(samples) > 1 else ", ").join(told)
+    return ("; " if len(samples) > 1 else ", ").join(texts)
 
 
 def _in_text(values: Floats, digits: int) -> str:

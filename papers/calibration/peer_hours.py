@@ -64,15 +64,15 @@ def peer_hours(
         ],
         TWO_PHASE: [fit_two_phase(rows, seed=each, trees=round(100 * effort)) for each in trainings],
     }
-    found: dict[str, list[Plain]] = {name: [] for name in PEERS}
+    results: dict[str, list[Plain]] = {name: [] for name in PEERS}
     for log in session.test.values():
         at = np.arange(EVERY - 1, len(log), EVERY)
-        few, asked = at_rows(log, at), rows_of_log(log, SIXTEEN)
+        few, all_rows = at_rows(log, at), rows_of_log(log, SIXTEEN)
         for name, one in filters.items():
-            found[name].append(_tested(few, [one.correction(log)[at]]))
+            results[name].append(_tested(few, [one.correction(log)[at]]))
         for name, peers in fits.items():
-            found[name].append(_tested(few, [peer.correction(asked, at) for peer in peers]))
-    return {**found, "identified": {"stiffness": [round(float(k), 1) for k in joints.stiffness]}}
+            results[name].append(_tested(few, [peer.correction(all_rows, at) for peer in peers]))
+    return {**results, "identified": {"stiffness": [round(float(k), 1) for k in joints.stiffness]}}
 
 
 def _tested(log: MotionLog, corrections: Sequence[Floats]) -> dict[str, Plain]:

@@ -61,10 +61,10 @@ def calibration_log(
     sparsities: Sequence[float] = SPARSITIES,
     *,
     columns: Sequence[str] = (),
-    beside: CablePlant | None = None,
+    other: CablePlant | None = None,
 ) -> MotionLog:
     """Record the zig-zags of a direction, one sparsity after the other."""
-    return record_simulated(plant, zigzag(direction, sparsities), "zigzag", rng, columns=columns, beside=beside)
+    return record_simulated(plant, zigzag(direction, sparsities), "zigzag", rng, columns=columns, other_arm=other)
 
 
 def random_log(
@@ -73,10 +73,10 @@ def random_log(
     seconds: float = TEST_SECONDS,
     *,
     columns: Sequence[str] = (),
-    beside: CablePlant | None = None,
+    other: CablePlant | None = None,
 ) -> MotionLog:
     """Record independent random motion of every joint."""
-    return record_simulated(plant, random_sinusoids(rng, seconds), "random", rng, columns=columns, beside=beside)
+    return record_simulated(plant, random_sinusoids(rng, seconds), "random", rng, columns=columns, other_arm=other)
 
 
 def fitted(logs: Sequence[MotionLog], options: FitOptions) -> CalibrationModel:
@@ -92,8 +92,8 @@ def network_model(
     model = fitted(logs, FitOptions(kind="linear", inputs=inputs, target=target))
     (group,) = model.groups
     data = calibration_data(logs, model.features)
-    wanted = data.error if target == "error" else data.q_nominal + data.error
-    network = fit_neural(np.ascontiguousarray(data.X[:, group.columns]), wanted, settings, seed=seed)
+    target_values = data.error if target == "error" else data.q_nominal + data.error
+    network = fit_neural(np.ascontiguousarray(data.X[:, group.columns]), target_values, settings, seed=seed)
     return replace(model, kind="neural", groups=(replace(group, predictor=network),))
 
 

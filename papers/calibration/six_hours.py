@@ -87,11 +87,11 @@ def recorded(
         return _of_authors(seed, condition, columns, test_rate)
     number = CONDITIONS.index(condition)
     plant = recordings.homed(seed, payload=PAYLOAD if condition == "loaded" else 0.0)
-    beside = recordings.homed(seed, side="right") if columns else None
+    other = recordings.homed(seed, side="right") if columns else None
     train = {
         n: _stamped(
             recordings.calibration_log(
-                plant, recordings.draws(seed, 20 + number, n), sparsities=(1.0 / n,), columns=columns, beside=beside
+                plant, recordings.draws(seed, 20 + number, n), sparsities=(1.0 / n,), columns=columns, other=other
             )
         )
         for n in zigzags
@@ -101,7 +101,7 @@ def recorded(
         rng = recordings.draws(seed, 30 + number, *what)
         path = random_sinusoids(rng, seconds)
         return _stamped(
-            record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns, beside=beside)
+            record_simulated(plant, path, "random", rng, state_rate=test_rate, columns=columns, other_arm=other)
         )
 
     if condition == "idle":
@@ -113,9 +113,9 @@ def recorded(
 
 
 def _of_authors(root: str, condition: Condition, columns: Sequence[str], test_rate: float) -> Session:
-    found = authors.hours(root, condition)
-    train = {n: _stamped(authors.read(paths[0], columns)) for n, paths in found.of().items()}
-    test = {hour: _stamped(authors.read(path, columns, test_rate)) for hour, path in sorted(found.hours.items())}
+    folder = authors.hours(root, condition)
+    train = {n: _stamped(authors.read(paths[0], columns)) for n, paths in folder.of().items()}
+    test = {hour: _stamped(authors.read(path, columns, test_rate)) for hour, path in sorted(folder.hours.items())}
     return Session(train, test)
 
 
@@ -137,8 +137,8 @@ def fit_options(model: str, target: Target, columns: str = "16") -> FitOptions:
     """Return how a model is fitted: to the error or the position; see `six_hours` for its columns."""
     if model == OFFSET:
         return FitOptions(kind="offset", inputs=SIXTEEN)
-    found = replace(METHODS[model], target=target)
-    return found if columns == "16" or model == LEARNER else replace(found, inputs=INPUTS[columns])
+    options = replace(METHODS[model], target=target)
+    return options if columns == "16" or model == LEARNER else replace(options, inputs=INPUTS[columns])
 
 
 def left_by(model: CalibrationModel, data: CalibrationData) -> Floats:
@@ -146,21 +146,21 @@ def left_by(model: CalibrationModel, data: CalibrationData) -> Floats:
     return data.error - model.correction(data.X, data.q_nominal)
 
 
-def joint_rmse(left: Floats) -> list[float]:
+def joint_rmse(residual: Floats) -> list[float]:
     """Return the RMSE on J1 [deg], J2 [deg], J3 [mm] of errors (N, 3) [rad, rad, m]."""
-    return _plain(SHOWN * np.sqrt(np.mean(left**2, axis=0)))
+    return _plain(SHOWN * np.sqrt(np.mean(residual**2, axis=0)))
 
 
-def tip_rmse(log: MotionLog, left: Floats) -> list[float]:
+def tip_rmse(log: MotionLog, residual: Floats) -> list[float]:
     """Return the RMSE of the tool tip in x, y, z and distance [mm]; left (N, 3) is true less corrected [rad, rad, m].
 
     Both tips have the reported positions of joints 4 to 7, taken as accurate; the tool does not bend (II-K).
     """
     jaws = log.signals["q:jaw1"], log.signals["q:jaw2"]
-    rest = np.column_stack([log.signals["q:roll"], log.signals["q:wrist"], (jaws[1] - jaws[0]) / 2.0])
+    wrist = np.column_stack([log.signals["q:roll"], log.signals["q:wrist"], (jaws[1] - jaws[0]) / 2.0])
     truth = np.asarray(log.q_encoder)
     robot = load_robot(ROBOT)
-    true, corrected = (forward_kinematics(robot, np.hstack([q, rest]), TIP)[1] for q in (truth, truth - left))
+    true, corrected = (forward_kinematics(robot, np.hstack([q, wrist]), TIP)[1] for q in (truth, truth - residual))
     squares = np.mean((1e3 * (corrected - true)) ** 2, axis=0)
     return _plain(np.sqrt([*squares, squares.sum()]))
 
@@ -171,9 +171,9 @@ def tested(fits: Sequence[CalibrationModel], log: MotionLog, *, guard: bool) -> 
     for model in fits:
         data = rows_of(model, log)
         inside = left_by(model, data)
-        left = inside if guard else left_by(unguarded(model), data)
+        residual = inside if guard else left_by(unguarded(model), data)
         outside = float(np.mean(~model.inside(data.X)))
-        rows.append([*joint_rmse(left), *joint_rmse(inside), *tip_rmse(log, left), outside])
+        rows.append([*joint_rmse(residual), *joint_rmse(inside), *tip_rmse(log, residual), outside])
     mean = _plain(np.mean(np.array(rows), axis=0))
     return {"errors": mean[:3], "guarded": mean[3:6], "tip": mean[6:10], "outside": mean[10]}
 
@@ -211,23 +211,23 @@ def six_hours(
     session = recorded(
         seed, condition, zigzags=zigzags, hour_seconds=hour_seconds, columns=() if columns == "16" else ("all",)
     )
-    found: dict[str, dict[str, list[Plain]]] = {RAW: {}}
+    results: dict[str, dict[str, list[Plain]]] = {RAW: {}}
     for name in sets:
         training = session.training(name)
         for model in (OFFSET, *(each for each in models if each != LEARNER or name in ours)):
             seeds = {NETWORK: networks, LEARNER: networks[:1]}.get(model, (0,))
             made = fit_options(model, target, columns)
             fits = [fitted(training, replace(made, seed=each)) for each in seeds]
-            found.setdefault(model, {})[name] = [
+            results.setdefault(model, {})[name] = [
                 tested(fits, log, guard=model == LEARNER) for log in session.test.values()
             ]
-        found[RAW][name] = [_raw(log) for log in session.test.values()]
-    return found
+        results[RAW][name] = [_raw(log) for log in session.test.values()]
+    return results
 
 
 def _raw(log: MotionLog) -> dict[str, Plain]:
-    left = np.asarray(log.q_encoder) - log.q_nominal
-    return {"errors": joint_rmse(left), "guarded": joint_rmse(left), "tip": tip_rmse(log, left), "outside": 0.0}
+    error = np.asarray(log.q_encoder) - log.q_nominal
+    return {"errors": joint_rmse(error), "guarded": joint_rmse(error), "tip": tip_rmse(log, error), "outside": 0.0}
 
 
 def cases_of(
@@ -273,8 +273,8 @@ def measured(
 ) -> Floats:
     """Return a model's "errors", "guarded" or "tip", (robots, sets, hours, numbers): sets that every robot has."""
     robots: dict[Robot, dict[str, list[list[float]]]] = {}
-    for told, result in o.items(six_hours, condition=condition, target=target, columns=columns):
+    for args, result in o.items(six_hours, condition=condition, target=target, columns=columns):
         for name, hours in result.get(model, {}).items():
-            robots.setdefault(told["seed"], {})[name] = [hour[kind] for hour in hours]
-    known = [name for name in sets if robots and all(name in found for found in robots.values())]
-    return np.array([[found[name] for name in known] for found in robots.values()])
+            robots.setdefault(args["seed"], {})[name] = [hour[kind] for hour in hours]
+    known = [name for name in sets if robots and all(name in by_set for by_set in robots.values())]
+    return np.array([[by_set[name] for name in known] for by_set in robots.values()])

@@ -45,8 +45,8 @@ def direction_errors(
     for name, options in recordings.METHODS.items():
         seeds = {recordings.NETWORK: networks, recordings.LEARNER: networks[:1]}.get(name, (0,))
         models = [recordings.fitted(train, replace(options, seed=network)) for network in seeds]
-        asked = models if name == recordings.LEARNER else [recordings.unguarded(model) for model in models]
-        reached[name] = recordings.mean([recordings.rmse(model, recordings.rows_of(model, test)) for model in asked])
+        used = models if name == recordings.LEARNER else [recordings.unguarded(model) for model in models]
+        reached[name] = recordings.mean([recordings.rmse(model, recordings.rows_of(model, test)) for model in used])
         if name == "linear":
             reached |= recordings.baselines(models[0], recordings.rows_of(models[0], test))
     return reached
@@ -57,9 +57,9 @@ def _recorded(
 ) -> tuple[list[MotionLog], MotionLog]:
     """Return zig-zags of a direction and the motion that tests it."""
     if isinstance(seed, str):
-        found, test = authors.tested(seed, direction)
+        folder, test = authors.tested(seed, direction)
         return [
-            authors.read(paths[0]) for n, paths in found.of(direction).items() if 1 / n in sparsities
+            authors.read(paths[0]) for n, paths in folder.of(direction).items() if 1 / n in sparsities
         ], authors.read(test)
     plant, number = recordings.homed(seed), DIRECTIONS.index(direction)
     train = recordings.calibration_log(plant, recordings.draws(seed, number, 0), direction, sparsities)
@@ -88,11 +88,11 @@ def report(o: Outcomes) -> Report:
 
     def content(j: int) -> list[list[str]]:
         def row(direction: str) -> list[str]:
-            told = [direction]
+            texts = [direction]
             for method in SHOWN:
-                told.append(f"{errors(o, direction, method)[:, j]}")
-                told += [f"{TABLE_1[direction][method][j]:.3f}"] if method in PAPERS else []
-            return told
+                texts.append(f"{errors(o, direction, method)[:, j]}")
+                texts += [f"{TABLE_1[direction][method][j]:.3f}"] if method in PAPERS else []
+            return texts
 
         return rows(row, DIRECTIONS)
 
@@ -106,11 +106,11 @@ def _picture(o: Outcomes) -> Any:
     for j, panel in enumerate(axes):
         for k, method in enumerate((*MODELS, recordings.LEARNER)):
             reached = np.array([errors(o, direction, method)[:, j] for direction in directions])
-            left = places + (k - 1.5) * 0.2
-            panel.bar(left, reached.mean(axis=1), 0.18, color=METHOD_COLORS[method], label=method)
+            at = places + (k - 1.5) * 0.2
+            panel.bar(at, reached.mean(axis=1), 0.18, color=METHOD_COLORS[method], label=method)
             if method in PAPERS:
                 published = [TABLE_1[direction][method][j] for direction in directions]
-                panel.hlines(published, left - 0.1, left + 0.1, color="black", linewidth=1.2)
+                panel.hlines(published, at - 0.1, at + 0.1, color="black", linewidth=1.2)
         panel.set_xticks(places, directions, rotation=60, fontsize=8)
         panel.set_title(IN_UNITS[j], fontsize=10)
     legend_below(figure, axes[0], columns=4)
@@ -119,15 +119,15 @@ def _picture(o: Outcomes) -> Any:
 
 def removed(o: Outcomes, method: str) -> Floats:
     """Return the share of the fixed offset's error that a model removes in direction J2-J3, (robots, 3)."""
-    left, offset = (errors(o, PAPERS_CHOICE, each) for each in (method, "fixed offset"))
-    return 1.0 - left / offset
+    error, offset = (errors(o, PAPERS_CHOICE, each) for each in (method, "fixed offset"))
+    return 1.0 - error / offset
 
 
 def _share_removed(o: Outcomes, methods: Sequence[str], share: float) -> Judgement:
     shares = {method: removed(o, method) for method in methods}
-    said = "; ".join(f"{method} {by_joint(100.0 * each, digits=0, unit=' %')}" for method, each in shares.items())
+    text = "; ".join(f"{method} {by_joint(100.0 * each, digits=0, unit=' %')}" for method, each in shares.items())
     # to a per cent: the paper's own shares do not follow from its rounded errors more closely
-    return by_count([each >= share for one in shares.values() for each in np.round(one.mean(axis=0), 2)], said)
+    return by_count([each >= share for one in shares.values() for each in np.round(one.mean(axis=0), 2)], text)
 
 
 FITTED_PART = "the linear model's and the fixed offset's errors are among what the simulated robot was fitted to"
@@ -164,7 +164,7 @@ def _order(o: Outcomes) -> Judgement:
     "and 3 stand (the ablation's shuffled signals), so that no path is much better than another",
 )
 def _best_direction(o: Outcomes) -> Judgement:
-    ranks, told = [], []
+    ranks, texts = [], []
     for method in MODELS:
         of_method = []
         for j, joint in enumerate(JOINTS):
@@ -173,8 +173,8 @@ def _best_direction(o: Outcomes) -> Judgement:
             ranks.append(order.index(PAPERS_CHOICE) < BEST_TWO)
             over = errors(o, PAPERS_CHOICE, method)[:, j] / errors(o, order[0], method)[:, j]
             of_method.append(f"{joint} {order.index(PAPERS_CHOICE) + 1} (times {over:.2f})")
-        told.append(f"{method} {', '.join(of_method)}")
-    return by_count(ranks, "rank of J2-J3, and its error in times the best direction's: " + "; ".join(told))
+        texts.append(f"{method} {', '.join(of_method)}")
+    return by_count(ranks, "rank of J2-J3, and its error in times the best direction's: " + "; ".join(texts))
 
 
 @EXPERIMENT.claim(
@@ -209,12 +209,12 @@ def _all_remove(o: Outcomes) -> Judgement:
     f"the four. The linear model's two are no test: {FITTED_PART}",
 )
 def _joint_3_least(o: Outcomes) -> Judgement:
-    holds, told = [], []
+    holds, texts = [], []
     for method in (recordings.NETWORK, "linear"):
         shares = removed(o, method)
         holds += [bool(less(shares[:, 2], shares[:, j])) for j in (0, 1)]
-        told.append(f"{method} {by_joint(100.0 * shares, digits=0, unit=' %')}")
-    return by_count(holds, "; ".join(told))
+        texts.append(f"{method} {by_joint(100.0 * shares, digits=0, unit=' %')}")
+    return by_count(holds, "; ".join(texts))
 
 
 @EXPERIMENT.claim(
@@ -226,6 +226,6 @@ def _joint_3_least(o: Outcomes) -> Judgement:
     fitted=fitted_to("polynomial", "table I"),
 )
 def _polynomial_on_joint_1(o: Outcomes) -> Judgement:
-    found = {each: [errors(o, each, m)[:, 0] for m in ("polynomial", "linear")] for each in DIRECTIONS}
-    said = "; ".join(f"{each} {polynomial} against {linear}" for each, (polynomial, linear) in found.items())
-    return by_count([bool(less(polynomial, linear)) for polynomial, linear in found.values()], said)
+    pairs = {each: [errors(o, each, m)[:, 0] for m in ("polynomial", "linear")] for each in DIRECTIONS}
+    text = "; ".join(f"{each} {polynomial} against {linear}" for each, (polynomial, linear) in pairs.items())
+    return by_count([bool(less(polynomial, linear)) for polynomial, linear in pairs.values()], text)

@@ -74,10 +74,10 @@ def cases(scope: Scope) -> list[Case]:
 
 def errors(o: Outcomes, model: str, target: Target) -> Floats:
     """Return errors by robot and joint, means over training sets and hours, (robots, 3)."""
-    found = measured(o, "unloaded", model, target=target)
-    if not found.size:
+    samples = measured(o, "unloaded", model, target=target)
+    if not samples.size:
         raise Missing(f"{model}, {target}")
-    return by_robot(found.mean(axis=(1, 2)))
+    return by_robot(samples.mean(axis=(1, 2)))
 
 
 def report(o: Outcomes) -> Report:
@@ -97,9 +97,9 @@ def report(o: Outcomes) -> Report:
     tables = joint_tables(title, header, content)
     if o.of(more_epochs):
         on_error, end_to_end, epochs = _epochs(o)
-        told = [f"{epochs[0]} on the error", *(f"{count} end to end" for count in epochs)]
+        labels = [f"{epochs[0]} on the error", *(f"{count} end to end" for count in epochs)]
         values = [on_error, *np.moveaxis(end_to_end, 1, 0)]
-        of_epochs = [[name, *cells(each)] for name, each in zip(told, values, strict=True)]
+        of_epochs = [[name, *cells(each)] for name, each in zip(labels, values, strict=True)]
         tables.append(table("Network on the longest training set, mean of six hours", ["epochs", *IN_UNITS], of_epochs))
     return Report(tables)
 
@@ -124,13 +124,13 @@ EXPERIMENT = Experiment(
     "positions are among the inputs, so that both ways span the same functions",
 )
 def _no_difference(o: Outcomes) -> Judgement:
-    parts, told = [], []
+    parts, texts = [], []
     for model in REGRESSIONS:
         on_error, end_to_end = (errors(o, model, target) for target in TARGETS)
         difference = np.abs(end_to_end.mean(axis=0) - on_error.mean(axis=0))
         parts += list(difference < ALIKE)
-        told.append(f"{model}: largest difference {difference.max():.4f}")
-    return by_count(parts, "; ".join(told))
+        texts.append(f"{model}: largest difference {difference.max():.4f}")
+    return by_count(parts, "; ".join(texts))
 
 
 @EXPERIMENT.claim(
@@ -145,10 +145,10 @@ def _no_difference(o: Outcomes) -> Judgement:
 def _network_worse(o: Outcomes) -> Judgement:
     on_error, end_to_end = (errors(o, NETWORK, target) for target in TARGETS)
     ratios = end_to_end / on_error
-    told = f"in times the error: {ratios:.2f}"
-    judged = by_count(ratios.mean(axis=0) >= WORSE, told)
+    text = f"in times the error: {ratios:.2f}"
+    judged = by_count(ratios.mean(axis=0) >= WORSE, text)
     if judged.verdict == "not reproduced" and less(on_error, end_to_end).all():
-        return Judgement("same direction", told)
+        return Judgement("same direction", text)
     return judged
 
 
@@ -161,9 +161,9 @@ def _network_worse(o: Outcomes) -> Judgement:
     "friction behind the cable, and the drift of six hours, which neither model knows",
 )
 def _best_on_error(o: Outcomes) -> Judgement:
-    network, linear, polynomial = found = [errors(o, model, "error") for model in SHOWN]
+    network, linear, polynomial = samples = [errors(o, model, "error") for model in SHOWN]
     return by_count(
-        less(network, linear) & less(linear, polynomial), f"network, linear, polynomial: {by_joint(*found)}"
+        less(network, linear) & less(linear, polynomial), f"network, linear, polynomial: {by_joint(*samples)}"
     )
 
 
@@ -179,8 +179,8 @@ def _best_on_error(o: Outcomes) -> Judgement:
 def _epochs_help(o: Outcomes) -> Judgement:
     on_error, end_to_end, epochs = _epochs(o)
     few, many = end_to_end[:, 0], end_to_end[:, -1]
-    told = f"end to end after {epochs[0]} and {epochs[-1]} epochs, on the error: {by_joint(few, many, on_error)}"
-    return statement(less(many, few), less(on_error, many), told)
+    text = f"end to end after {epochs[0]} and {epochs[-1]} epochs, on the error: {by_joint(few, many, on_error)}"
+    return statement(less(many, few), less(on_error, many), text)
 
 
 @EXPERIMENT.claim(
@@ -195,5 +195,5 @@ def _faster(o: Outcomes) -> Judgement:
     holds = [less(on_error, after) for after in np.moveaxis(end_to_end, 1, 0)]
     least = np.min(end_to_end, axis=1)
     tried = ", ".join(str(count) for count in epochs)
-    told = f"{epochs[0]} epochs on the error, best of {tried} end to end: {by_joint(on_error, least)}"
-    return by_count(np.ravel(holds), told)
+    text = f"{epochs[0]} epochs on the error, best of {tried} end to end: {by_joint(on_error, least)}"
+    return by_count(np.ravel(holds), text)

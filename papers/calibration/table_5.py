@@ -38,7 +38,7 @@ from papers.calibration.six_hours import LONGEST, SHORTEST, Condition, cases_of
 from papers.calibration.table_2 import SHOWN as TABLE_2_MODELS
 from papers.calibration.table_2 import errors as table_2_errors
 from papers.experiment import NOMINAL, Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
-from papers.kit import UNITS, by_count, by_robot, cells, graded, rows, table, told
+from papers.kit import UNITS, as_text, by_count, by_robot, cells, graded, rows, table
 
 KINDS = (NETWORK, "linear")
 HIDDEN = (100, 100)  # units of the paper's network
@@ -67,7 +67,7 @@ def speed(sparsities: Sequence[float], trainings: int, calls: int) -> Result:
     """
     log = calibration_log(homed(NOMINAL), draws(NOMINAL, 80), sparsities=sparsities)
     stamps = np.asarray(log.time)
-    found: dict[str, Any] = {"train": {}, "deployed": {}, "framework": {}}
+    times: dict[str, Any] = {"train": {}, "deployed": {}, "framework": {}}
     for kind in KINDS:
         seconds = []
         for _ in range(trainings):
@@ -77,10 +77,10 @@ def speed(sparsities: Sequence[float], trainings: int, calls: int) -> Result:
         data = rows_of(model, log)
         tick = Corrector(model).bind(data.q_nominal[0].copy(), data.X[0].copy(), np.zeros(3), np.zeros(3, dtype=bool))
         answer = partial(framework_model(kind, data.X, data.error).predict, data.X[:1].copy())
-        found["train"][kind] = float(np.median(seconds))
-        found["deployed"][kind] = 1e6 * _median(tick, calls)
-        found["framework"][kind] = 1e6 * _median(answer, calls)
-    return {"processor": processor(), "recorded": float(stamps[-1] - stamps[0]), "rows": len(log), **found}
+        times["train"][kind] = float(np.median(seconds))
+        times["deployed"][kind] = 1e6 * _median(tick, calls)
+        times["framework"][kind] = 1e6 * _median(answer, calls)
+    return {"processor": processor(), "recorded": float(stamps[-1] - stamps[0]), "rows": len(log), **times}
 
 
 def framework_model(kind: str, X: Any, Y: Any) -> Any:
@@ -153,13 +153,13 @@ def report(o: Outcomes) -> Report:
 
     def errors(aspect: Any, condition: Condition) -> list[str]:
         name, length, sets, published = aspect
-        found = [", ".join(cells(six_hours(o, condition, model, sets))) for model in KINDS]
+        texts = [", ".join(cells(six_hours(o, condition, model, sets))) for model in KINDS]
         by = ", ".join(f"{value:.3f} {unit}" for value, unit in zip(published.get(condition, ()), UNITS, strict=False))
-        told = f"network better by {by}" if by else "very close"
-        return [f"{name}: RMSE, three {length} sets, {condition}", *found, told]
+        text = f"network better by {by}" if by else "very close"
+        return [f"{name}: RMSE, three {length} sets, {condition}", *texts, text]
 
-    def grown(told: str, ratios: Callable[[Outcomes, str], Floats], models: Sequence[str], paper: str) -> list[str]:
-        return [told, *(", ".join(cells(ratios(o, model), 2)) for model in models), paper]
+    def grown(text: str, ratios: Callable[[Outcomes, str], Floats], models: Sequence[str], paper: str) -> list[str]:
+        return [text, *(", ".join(cells(ratios(o, model), 2)) for model in models), paper]
 
     many, linear_paper = "irrelevant features: error with 138 inputs over 16", "linear 5.5, 5.2, 8.1"
     error = "train on error: error end to end over on the error"
@@ -177,7 +177,7 @@ def report(o: Outcomes) -> Report:
     return Report([table(title, ["aspect", NETWORK, "linear", "paper"], content)], {}, remarks)
 
 
-def _times(told: Result) -> list[list[str]]:
+def _times(times: Result) -> list[list[str]]:
     limits = TABLE_5_TRAINING
 
     def row(name: str, values: Mapping[str, float], form: str, unit: str, paper: str) -> list[str]:
@@ -185,33 +185,33 @@ def _times(told: Result) -> list[list[str]]:
 
     return [
         row(
-            f"training time, {told['rows']} rows", told["train"], ".3g", "s",
+            f"training time, {times['rows']} rows", times["train"], ".3g", "s",
             f"below {limits[NETWORK]:.0f} s; linear below {limits['linear']:.0f} s",
         ),
         row(
-            "inference time, a row by a framework's call", told["framework"], ".3g", "us",
+            "inference time, a row by a framework's call", times["framework"], ".3g", "us",
             f"{TABLE_5_INFERENCE[NETWORK]:.0f} ms; linear {TABLE_5_INFERENCE['linear']:.2f} ms",
         ),
-        row("inference time, a row as deployed", told["deployed"], ".3g", "us", "-"),
-        row("recording's share of recording and training", _shares(told), ".1f", "%", "recording dominates"),
+        row("inference time, a row as deployed", times["deployed"], ".3g", "us", "-"),
+        row("recording's share of recording and training", _shares(times), ".1f", "%", "recording dominates"),
     ]  # fmt: skip
 
 
-def _shares(told: Result) -> dict[str, float]:
+def _shares(times: Result) -> dict[str, float]:
     """Return the recording's share of recording and training by model [%]."""
-    return {kind: 100.0 * told["recorded"] / (told["recorded"] + told["train"][kind]) for kind in KINDS}
+    return {kind: 100.0 * times["recorded"] / (times["recorded"] + times["train"][kind]) for kind in KINDS}
 
 
 def _better(o: Outcomes, sets: Sequence[str], conditions: Sequence[Condition]) -> Judgement:
     """Judge whether the network is better wherever the paper's is."""
     published = TABLE_5_ACCURACY if sets == LONGEST else TABLE_5_HUNGER
-    parts, told = [], []
+    parts, texts = [], []
     for condition in conditions:
         network, linear = (six_hours(o, condition, model, sets) for model in KINDS)
         better = less(network, linear)
         parts += [ours for ours, paper in zip(better, published[condition], strict=True) if paper > 0.0]
-        told.append(f"{condition} {by_joint(linear - network)}")
-    return by_count(parts, "network better by " + "; ".join(told))
+        texts.append(f"{condition} {by_joint(linear - network)}")
+    return by_count(parts, "network better by " + "; ".join(texts))
 
 
 # beside the cases of figures 6 and 8 and table II
@@ -268,14 +268,14 @@ def _training(o: Outcomes) -> Judgement:
     times = o.of(speed)
     train = times[0]["train"]
     within = [train[kind] <= TABLE_5_TRAINING[kind] for kind in KINDS]
-    told = f"{train[NETWORK]:.3g} s, linear {train['linear']:.3g} s on {times[0]['processor']}"
-    return statement(within, [train["linear"] < train[NETWORK]], told)
+    text = f"{train[NETWORK]:.3g} s, linear {train['linear']:.3g} s on {times[0]['processor']}"
+    return statement(within, [train["linear"] < train[NETWORK]], text)
 
 
 def _row_times(o: Outcomes) -> dict[str, tuple[float, float]]:
     """Return the network's and the linear model's times for a row [us], by a framework's call and as deployed."""
-    found = o.of(speed)[0]
-    return {way: (found[way][NETWORK], found[way]["linear"]) for way in ("framework", "deployed")}
+    times = o.of(speed)[0]
+    return {way: (times[way][NETWORK], times[way]["linear"]) for way in ("framework", "deployed")}
 
 
 @EXPERIMENT.claim(
@@ -288,8 +288,8 @@ def _row_times(o: Outcomes) -> dict[str, tuple[float, float]]:
 )
 def _inference(o: Outcomes) -> Judgement:
     times = _row_times(o)
-    told = "; ".join(f"{way} {network:.3g} us, linear {linear:.3g} us" for way, (network, linear) in times.items())
-    return graded(all(linear <= SERVO < network for network, linear in times.values()), False, told)
+    text = "; ".join(f"{way} {network:.3g} us, linear {linear:.3g} us" for way, (network, linear) in times.items())
+    return graded(all(linear <= SERVO < network for network, linear in times.values()), False, text)
 
 
 @EXPERIMENT.claim(
@@ -302,8 +302,8 @@ def _inference(o: Outcomes) -> Judgement:
 )
 def _times_faster(o: Outcomes) -> Judgement:
     ratios = {way: network / linear for way, (network, linear) in _row_times(o).items()}
-    told = "; ".join(f"{way} {ratio:.1f} times" for way, ratio in ratios.items())
-    return graded(ratios["framework"] >= MUCH_FASTER, all(ratio > FASTER for ratio in ratios.values()), told)
+    text = "; ".join(f"{way} {ratio:.1f} times" for way, ratio in ratios.items())
+    return graded(ratios["framework"] >= MUCH_FASTER, all(ratio > FASTER for ratio in ratios.values()), text)
 
 
 @EXPERIMENT.claim(
@@ -318,10 +318,10 @@ def _times_faster(o: Outcomes) -> Judgement:
     "the three longest sets are (figure 8)",
 )
 def _irrelevant(o: Outcomes) -> Judgement:
-    found = {model: growth(o, model) for model in (*KINDS, LARGER)}
-    told = "; ".join(f"{model} {by_joint(each, digits=2)}" for model, each in found.items())
-    linear, larger = found["linear"], found[LARGER]
-    return statement(linear.mean(axis=0) >= RUINED, less(larger, linear), f"in times the error of 16 inputs: {told}")
+    ratios = {model: growth(o, model) for model in (*KINDS, LARGER)}
+    text = "; ".join(f"{model} {by_joint(each, digits=2)}" for model, each in ratios.items())
+    linear, larger = ratios["linear"], ratios[LARGER]
+    return statement(linear.mean(axis=0) >= RUINED, less(larger, linear), f"in times the error of 16 inputs: {text}")
 
 
 @EXPERIMENT.claim(
@@ -334,9 +334,9 @@ def _irrelevant(o: Outcomes) -> Judgement:
 )
 def _train_on_error(o: Outcomes) -> Judgement:
     network, linear = (end_to_end(o, model) for model in KINDS)
-    told = f"in times the error: network {by_joint(network, digits=2)}; linear {by_joint(linear, digits=2)}"
+    text = f"in times the error: network {by_joint(network, digits=2)}; linear {by_joint(linear, digits=2)}"
     optional = np.abs(linear.mean(axis=0) - 1.0) <= OPTIONAL
-    return statement(network.mean(axis=0) >= REQUIRED, optional, told)
+    return statement(network.mean(axis=0) >= REQUIRED, optional, text)
 
 
 @EXPERIMENT.claim(
@@ -349,4 +349,4 @@ def _recording(o: Outcomes) -> Judgement:
     times = o.of(speed)
     one = times[0]
     shares = _shares(one)
-    return by_count([share >= 100.0 * MOST for share in shares.values()], told(shares, ".1f", " %"))
+    return by_count([share >= 100.0 * MOST for share in shares.values()], as_text(shares, ".1f", " %"))

@@ -66,16 +66,16 @@ def hours(o: Outcomes, method: str, kind: str = "errors") -> Floats:
         return peer_errors(o, method, kind)
     for name in (SETS[-1], SETS[0]):
         # ours has a guard, and is only right with it
-        found = measured(o, "unloaded", method, (name,), kind=kind)
-        if found.size:
-            return by_robot(found[:, 0])
+        errors = measured(o, "unloaded", method, (name,), kind=kind)
+        if errors.size:
+            return by_robot(errors[:, 0])
     return np.empty((0, 6, 0))
 
 
-def extremes(found: Floats) -> tuple[Floats, Floats]:
+def extremes(errors: Floats) -> tuple[Floats, Floats]:
     """Return errors in the hour in which their mean over robots is the least, and the greatest, (robots, numbers)."""
-    mean, numbers = found.mean(axis=0), range(found.shape[2])
-    return found[:, mean.argmin(axis=0), numbers], found[:, mean.argmax(axis=0), numbers]
+    mean, numbers = errors.mean(axis=0), range(errors.shape[2])
+    return errors[:, mean.argmin(axis=0), numbers], errors[:, mean.argmax(axis=0), numbers]
 
 
 def _table(
@@ -89,10 +89,10 @@ def _table(
         for (source, robot, model), each in others.items()
     ]
     for method in (*OURS, *PEERS):
-        found = hours(o, method, kind)
-        if found.size:
-            low, high = (each.mean(axis=0) for each in extremes(found))
-            last = found[:, -1]
+        errors = hours(o, method, kind)
+        if errors.size:
+            low, high = (each.mean(axis=0) for each in extremes(errors))
+            last = errors[:, -1]
             spread = [""] * len(low) if len(last) < 2 else [f" ± {each:.3f}" for each in last.std(axis=0, ddof=1)]
             reached = [f"{a:.3f}–{b:.3f}{s}" for a, b, s in zip(low, high, spread, strict=True)]
             content.append([f"{method}, here", "simulated RAVEN-II", *reached])
@@ -106,9 +106,9 @@ def _picture(o: Outcomes, kind: str, ours: Mapping[str, Any], titles: Sequence[s
     for k, (panel, title) in enumerate(zip(axes, titles, strict=True)):
         panel.axhspan(*ours[NETWORK][k], color=COLORS[NETWORK], alpha=0.12, linewidth=0)
         for method in PICTURED:
-            found = hours(o, method, kind)
-            if found.size:
-                mean = found.mean(axis=0)[:, k]
+            errors = hours(o, method, kind)
+            if errors.size:
+                mean = errors.mean(axis=0)[:, k]
                 panel.plot(range(len(mean)), mean, "o-", color=COLORS[method], ms=3, label=method)
         if joints:
             panel.axhline(TABLE_3_OTHERS["Haghighipanah [13]", "RAVEN-II", "UKF"][k], color=COLORS[UKF], ls=":")
@@ -131,16 +131,16 @@ def report_3(o: Outcomes) -> Report:
 
 
 def _stiffness(o: Outcomes) -> list[str]:
-    found = np.array([result["identified"]["stiffness"] for result in o.of(peer_hours)])
-    if not found.size:
+    cable = np.array([result["identified"]["stiffness"] for result in o.of(peer_hours)])
+    if not cable.size:
         return []
-    mean = ", ".join(f"{value:.0f}" for value in found.mean(axis=0))
+    mean = ", ".join(f"{value:.0f}" for value in cable.mean(axis=0))
     softest, stiffest = (
-        ", ".join(f"{value:.0f}" for value in np.mean(np.isclose(found, end, rtol=1e-2), axis=0) * len(found))
+        ", ".join(f"{value:.0f}" for value in np.mean(np.isclose(cable, end, rtol=1e-2), axis=0) * len(cable))
         for end in (SOFTEST, STIFFEST)
     )
     return [
-        f"The filter identifies {mean} Nm/rad, Nm/rad, N/m in the mean of {len(found)} robots; on {softest} of them "
+        f"The filter identifies {mean} Nm/rad, Nm/rad, N/m in the mean of {len(cable)} robots; on {softest} of them "
         f"joints 1, 2 and 3 end at the softest cable that it may choose, on {stiffest} at the stiffest. A soft cable "
         "stands in for what its model lacks, such as wrong ratios. With the robots' own stiffness it corrects what "
         "stretch there is, and no more."
@@ -149,8 +149,8 @@ def _stiffness(o: Outcomes) -> list[str]:
 
 def _below_filter(o: Outcomes, method: str) -> Judgement:
     (_, worst), (best, _), (known, _) = (extremes(hours(o, each)) for each in (method, UKF, UKF_TOLD))
-    said = f"worst hour, filter's best, its best with the true stiffness: {by_joint(worst, best, known)}"
-    return by_count(less(worst, best), said)
+    text = f"worst hour, filter's best, its best with the true stiffness: {by_joint(worst, best, known)}"
+    return by_count(less(worst, best), text)
 
 
 def _range(o: Outcomes, method: str) -> Judgement:
@@ -247,8 +247,8 @@ for model, called in CALLED.items():
 
 def _below(ours: Mapping[str, Floats], theirs: Floats) -> tuple[list[bool], str]:
     """Return where methods' errors in x, y and z (robots, 3) are less than others, and the former in words."""
-    holds = [each for found in ours.values() for each in less(found, np.broadcast_to(theirs, found.shape))]
-    return holds, "; ".join(f"{method} {', '.join(cells(found))}" for method, found in ours.items())
+    holds = [each for errors in ours.values() for each in less(errors, np.broadcast_to(theirs, errors.shape))]
+    return holds, "; ".join(f"{method} {', '.join(cells(errors))}" for method, errors in ours.items())
 
 
 @TABLE_4.claim(
@@ -263,8 +263,8 @@ def _below(ours: Mapping[str, Floats], theirs: Floats) -> tuple[list[bool], str]
 )
 def _below_process(o: Outcomes) -> Judgement:
     *ours, theirs = (hours(o, each, "tip")[:, 0, :3] for each in (*CALLED, PROCESS))
-    holds, said = _below(dict(zip(CALLED, ours, strict=True)), theirs)
-    return by_count(holds, f"{said} against {', '.join(cells(theirs))} mm")
+    holds, text = _below(dict(zip(CALLED, ours, strict=True)), theirs)
+    return by_count(holds, f"{text} against {', '.join(cells(theirs))} mm")
 
 
 @TABLE_4.claim(
@@ -278,5 +278,5 @@ def _below_process(o: Outcomes) -> Judgement:
 )
 def _below_peng(o: Outcomes) -> Judgement:
     ours = {method: extremes(hours(o, method, "tip"))[0][:, :3] for method in CALLED}
-    holds, said = _below(ours, np.array(TABLE_4_OTHERS[PENG][:3], dtype=float))
-    return by_count(holds, f"{said} mm")
+    holds, text = _below(ours, np.array(TABLE_4_OTHERS[PENG][:3], dtype=float))
+    return by_count(holds, f"{text} mm")

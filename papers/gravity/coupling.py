@@ -144,10 +144,10 @@ def largest_unstable_base(
 ) -> float:
     """Return the largest base [kg|kg m2] with arm, from small gain's down to the arm alone, that is unstable; or 0."""
     L = _around(arm, sensing, base_hz, zeta, most_hz)
-    most = float(np.abs(L).max())
-    if most <= arm.own:
+    largest = float(np.abs(L).max())
+    if largest <= arm.own:
         return 0.0
-    sizes = np.geomspace(most, max(arm.own, 0.02 * most), SIZES)
+    sizes = np.geomspace(largest, max(arm.own, 0.02 * largest), SIZES)
     return next((float(size) for size in sizes if _roots_of(L / size) > 0), 0.0)
 
 
@@ -179,9 +179,9 @@ def estimator_response(hz: float, rate_hz: float = 200.0) -> tuple[complex, comp
     kept = times >= first
     waves = np.stack([np.sin(w * times), np.cos(w * times), np.ones(len(times))], axis=1)[kept]
     truth = base.sample(times[kept])
-    told = np.array([[r.gravity[0], r.base_rates[1] @ Z0] for r in readings])[kept]
+    read = np.array([[r.gravity[0], r.base_rates[1] @ Z0] for r in readings])[kept]
     true = np.stack([truth.gravity[:, 0], truth.motion[:, 1] @ Z0], axis=1)
-    fits = [np.linalg.lstsq(waves, values, rcond=None)[0] for values in (told, true)]
+    fits = [np.linalg.lstsq(waves, values, rcond=None)[0] for values in (read, true)]
     ratio = (fits[0][0] + 1j * fits[0][1]) / (fits[1][0] + 1j * fits[1][1])
     return complex(ratio[0]), complex(ratio[1])
 
@@ -203,6 +203,6 @@ def _lacking(arm: Linear, hz: Floats, sensing: Sensing) -> Complexes:
     s = 2j * np.pi * hz[:, None]
     gravity, turning = sensing.gravity(hz)[:, None], sensing.turning(hz)[:, None]
     # an accelerometer tells sway as it tells gravity; a turning only a gyroscope
-    told = turning if arm.t.any() else gravity
-    lacking: Complexes = arm.h * s * s * (1.0 - told) + arm.t * (1.0 - gravity)
+    sensed = turning if arm.t.any() else gravity
+    lacking: Complexes = arm.h * s * s * (1.0 - sensed) + arm.t * (1.0 - gravity)
     return lacking

@@ -179,22 +179,22 @@ def _shown(o: Outcomes) -> tuple[list[str], list[str]]:
 def _fault_row(o: Outcomes, kind: str) -> list[str]:
     """Return how a fault was named, and how far it moved the arm under each fallback."""
     of = [one[kind] for one in o.of(break_sensor) if kind in one]
-    found = []
+    texts = []
     for name in _shown(o)[1]:
         stops = any(one["stopped"] for one in of if one["fallback"] == name)
         end = ", stopped" if stops else ""
-        found.append(f"{turned(o, kind, name)} deg, {moved(o, kind, name)[:, 2]} mm{end}")
+        texts.append(f"{turned(o, kind, name)} deg, {moved(o, kind, name)[:, 2]} mm{end}")
     named = dict.fromkeys(name for one in of for name in one["faults"])
     seen = max((one["statuses"] for one in of if not one["stopped"]), key=len, default=["stop"])
-    return [kind, ", ".join(named) or "-", " ".join(seen), *found]
+    return [kind, ", ".join(named) or "-", " ".join(seen), *texts]
 
 
 def _largest_row(o: Outcomes, name: str) -> list[str]:
     """Return the fault that moved joint 1 or 2 most under a fallback, and the next."""
     kinds, _ = _shown(o)
-    most = {kind: float(turned(o, kind, name).max()) for kind in kinds}
-    order = sorted(kinds, key=most.__getitem__, reverse=True)
-    first = [f"{most[kind]:.3f} deg, {kind}" for kind in order[:2]]
+    largest = {kind: float(turned(o, kind, name).max()) for kind in kinds}
+    order = sorted(kinds, key=largest.__getitem__, reverse=True)
+    first = [f"{largest[kind]:.3f} deg, {kind}" for kind in order[:2]]
     slid = max(float(moved(o, kind, name)[:, 2].max()) for kind in kinds)
     return [name, *first, *["-"] * (2 - len(first)), f"{slid:.3f} mm"]
 
@@ -220,7 +220,7 @@ def report(o: Outcomes) -> Report:
     kinds, names = _shown(o)
     every = [one for result in o.of(break_sensor) for one in result.values()]
     unnamed = [kind for kind in kinds if not any(one["faults"] for one in every if one["fault"] == kind)]
-    said = {name: text for one in every for name, text in zip(one["faults"], one["messages"], strict=True)}
+    messages = {name: text for one in every for name, text in zip(one["faults"], one["messages"], strict=True)}
     worst = max(float(turned(o, kind, name).max()) for kind in kinds for name in names)
     tables = [
         table(
@@ -233,7 +233,7 @@ def report(o: Outcomes) -> Report:
             ["sensor", "named", "gravity was", *names],
             [_fault_row(o, kind) for kind in kinds],
         ),
-        table("What is said", "fault | message", list(said.items())),
+        table("What is said", "fault | message", list(messages.items())),
     ]
     caption = f"Motion because of a sensor's fault, by fallback; dots are robots, the line is {LIMIT_DEG:g} deg"
     remark = (

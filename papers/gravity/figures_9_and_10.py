@@ -21,7 +21,20 @@ from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Sco
 from papers.figures import COLORS, dots, legend_below, panels
 from papers.gravity import published
 from papers.gravity.tracking import ADAPTIVE, CALLED, CONTROLLERS, ROCKING, ROCKING_ASIDE, SENSORS, follow_sinusoids
-from papers.kit import UNITS, Missing, by_count, cells, filled, graded, grid, rows, sample, table, told, unless_missing
+from papers.kit import (
+    UNITS,
+    Missing,
+    as_text,
+    by_count,
+    cells,
+    filled,
+    graded,
+    grid,
+    rows,
+    sample,
+    table,
+    unless_missing,
+)
 
 OF_FIGURE_10 = """Figure 10 of the gravity paper: tracking errors of three controllers on a rocking base.
 
@@ -95,8 +108,8 @@ def cases_9(scope: Scope) -> list[Case]:
 
 def quick(base: str, controllers: Sequence[tuple[str, str]]) -> list[Case]:
     """Return a case of one cycle along one axis."""
-    told: dict[str, Any] = {"seed": None, "way": "increments", "cycles": 1, "axes": ["y"]}
-    return [follow_sinusoids.case(base=base, controllers=controllers, **told)]
+    common: dict[str, Any] = {"seed": None, "way": "increments", "cycles": 1, "axes": ["y"]}
+    return [follow_sinusoids.case(base=base, controllers=controllers, **common)]
 
 
 def of(
@@ -148,8 +161,8 @@ def error_rows(o: Outcomes, bases: Sequence[str], way: str, names: Sequence[str]
         share, tip, true = (
             of(o, name, *path, base=base, way=way) for path in (("pd_share", 0), ("tip_mm", 3), ("true_tip_mm",))
         )
-        said = (base_told(base), CALLED[name], *cells(errors(o, name, base, way)), against_pd(base, name))
-        return [*said, f"{100.0 * np.mean(share):.0f} %", f"{tip:.2f}", f"{true:.2f}"]
+        texts = (base_told(base), CALLED[name], *cells(errors(o, name, base, way)), against_pd(base, name))
+        return [*texts, f"{100.0 * np.mean(share):.0f} %", f"{tip:.2f}", f"{true:.2f}"]
 
     return rows(row, bases, names)
 
@@ -183,8 +196,8 @@ def picture(o: Outcomes, bases: Sequence[str], names: Sequence[str]) -> Any:
 
     drawn, three = panels(3, 3.7)
     for joint, axes in enumerate(three):
-        found = {CALLED[name]: [values(name, base, joint) for base in bases] for name in names}
-        dots(axes, [base_told(base) for base in bases], found, [COLORS.get(name, "#8fb8a8") for name in names])
+        series = {CALLED[name]: [values(name, base, joint) for base in bases] for name in names}
+        dots(axes, [base_told(base) for base in bases], series, [COLORS.get(name, "#8fb8a8") for name in names])
         axes.set_title(f"joint {joint + 1}", fontsize=10)
         axes.set_ylabel(f"RMS error [{UNITS[joint]}]")
     legend_below(drawn, three[0], columns=len(names))
@@ -205,7 +218,7 @@ def report_9(o: Outcomes) -> Report:
 def _efforts_told(o: Outcomes) -> str:
     """Say what PD still gives to joints 1 and 3: how much of gravity SG lacks, and what gravity is to joint 3."""
     one, three = (
-        told({CALLED[name]: efforts(o, name, joint) for name in CONTROLLERS}, ".2f", unit)
+        as_text({CALLED[name]: efforts(o, name, joint) for name in CONTROLLERS}, ".2f", unit)
         for joint, unit in ((0, " Nm"), (2, " N"))
     )
     return (
@@ -246,9 +259,9 @@ def _gain(o: Outcomes) -> Judgement:
 )
 def _no_gain_of_sg(o: Outcomes) -> Judgement:
     gain, level = gains(o, "sg", 0), gains(o, "sg", 0, "0")
-    said = f"{gain:.1f} % below PD at {LAST} deg, {level:.1f} % at 0 deg"
+    text = f"{gain:.1f} % below PD at {LAST} deg, {level:.1f} % at 0 deg"
     falls = gain.mean() < level.mean()
-    return graded(falls and gain.mean() < NO_GAIN, falls, said)
+    return graded(falls and gain.mean() < NO_GAIN, falls, text)
 
 
 @FIGURE_9.claim(
@@ -270,10 +283,10 @@ def _order(o: Outcomes) -> Judgement:
     "than at 0 deg",
 )
 def _static_increases(o: Outcomes) -> Judgement:
-    found = {base_told(base): errors(o, "sg", base)[:, 0] for base in BASES}
-    *before, last = (each.mean() for each in found.values())
+    samples = {base_told(base): errors(o, "sg", base)[:, 0] for base in BASES}
+    *before, last = (each.mean() for each in samples.values())
     rises = [last > each for each in before]
-    return graded(all(rises), rises[0], f"joint 1, {CALLED['sg']}: {told(found)} deg")
+    return graded(all(rises), rises[0], f"joint 1, {CALLED['sg']}: {as_text(samples)} deg")
 
 
 @FIGURE_9.claim(
@@ -285,8 +298,8 @@ def _static_increases(o: Outcomes) -> Judgement:
 )
 def _less_effort(o: Outcomes) -> Judgement:
     pairs = {base: [efforts(o, name, 0, base) for name in ("sg", "dg")] for base in BASES[1:]}
-    said = ", ".join(f"{base} deg {sg:.2f} to {dg:.2f}" for base, (sg, dg) in pairs.items())
-    return by_count([dg.mean() < sg.mean() for sg, dg in pairs.values()], f"SG to DG: {said} Nm")
+    text = ", ".join(f"{base} deg {sg:.2f} to {dg:.2f}" for base, (sg, dg) in pairs.items())
+    return by_count([dg.mean() < sg.mean() for sg, dg in pairs.values()], f"SG to DG: {text} Nm")
 
 
 @FIGURE_9.claim(
@@ -300,7 +313,7 @@ def _less_effort(o: Outcomes) -> Judgement:
 )
 def _joint_3_worse(o: Outcomes) -> Judgement:
     parts = {CALLED[name]: -gains(o, name, 2) for name in ("sg", "dg")}
-    return by_count([each.mean() > 0.0 for each in parts.values()], f"against PD: {told(parts, '.2f', ' %')}")
+    return by_count([each.mean() > 0.0 for each in parts.values()], f"against PD: {as_text(parts, '.2f', ' %')}")
 
 
 @FIGURE_9.claim(
@@ -311,7 +324,7 @@ def _joint_3_worse(o: Outcomes) -> Judgement:
 )
 def _joint_3_not_better(o: Outcomes) -> Judgement:
     parts = {CALLED[name]: gains(o, name, 2) for name in ("sg", "dg")}
-    return by_count([each.mean() < SIGNIFICANT for each in parts.values()], f"below PD: {told(parts, '.2f', ' %')}")
+    return by_count([each.mean() < SIGNIFICANT for each in parts.values()], f"below PD: {as_text(parts, '.2f', ' %')}")
 
 
 def cases_10(scope: Scope) -> list[Case]:
@@ -358,7 +371,7 @@ def _little_effect(o: Outcomes) -> Judgement:
     plain = of(o, "pd", "tip_mm", 3, base=ROCKING)
     changes = {name.upper(): 100.0 * (of(o, name, "tip_mm", 3, base=ROCKING) / plain - 1.0) for name in CONTROLLERS[1:]}
     little = all(abs(each.mean()) < LITTLE for each in changes.values())
-    return graded(little, False, f"tip's error against PD: {told(changes, '.1f', ' %')}")
+    return graded(little, False, f"tip's error against PD: {as_text(changes, '.1f', ' %')}")
 
 
 @FIGURE_10.claim(
@@ -371,9 +384,9 @@ def _little_effect(o: Outcomes) -> Judgement:
 def _same_over_static(o: Outcomes) -> Judgement:
     rocked, *still = (gains(o, "dg", 0, base, over="sg") for base in (ROCKING, *PASSED))
     means = [each.mean() for each in still]
-    at_rest = told(dict(zip(map(base_told, PASSED), still, strict=True)), ".1f", " %")
-    said = f"joint 1, DG below SG: rocking {rocked:.1f} %; at rest {at_rest}"
-    return graded(min(means) <= rocked.mean() <= max(means), rocked.mean() > 0.0, said)
+    at_rest = as_text(dict(zip(map(base_told, PASSED), still, strict=True)), ".1f", " %")
+    text = f"joint 1, DG below SG: rocking {rocked:.1f} %; at rest {at_rest}"
+    return graded(min(means) <= rocked.mean() <= max(means), rocked.mean() > 0.0, text)
 
 
 def adaptive_cases(scope: Scope) -> list[Case]:
@@ -381,16 +394,16 @@ def adaptive_cases(scope: Scope) -> list[Case]:
     if scope.quick:
         return quick(ROCKING, (("adaptive-dg", "absolute"),))
     usual = {LAST: USUAL, ROCKING: (*USUAL[:2], *SENSED)}
-    wanted = [(base, group) for base in ADAPTIVE_BASES for group in (usual[base], LEARNT)]
-    found = [
+    groups = [(base, group) for base in ADAPTIVE_BASES for group in (usual[base], LEARNT)]
+    planned = [
         follow_sinusoids.case(seed=seed, base=base, way="increments", controllers=group)
         for seed in scope.robots
-        for base, group in wanted
+        for base, group in groups
     ]
-    found += grid(
+    planned += grid(
         follow_sinusoids, {"seed": scope.robots, "controllers": ASIDE_CASES}, base=ROCKING_ASIDE, way="increments"
     )
-    return found + grid(follow_sinusoids, {"base": ADAPTIVE_BASES}, seed=None, way="joints", controllers=RELATIVE)
+    return planned + grid(follow_sinusoids, {"base": ADAPTIVE_BASES}, seed=None, way="joints", controllers=RELATIVE)
 
 
 def adaptive_report(o: Outcomes) -> Report:
@@ -440,10 +453,10 @@ ADAPTIVE_COMPENSATION = Experiment(
     "of all controllers here on every joint, mean over robots; same direction: on two of three",
 )
 def _best(o: Outcomes) -> Judgement:
-    found = {name: errors(o, name, ROCKING) for name in COMPARED}
-    best = [min(COMPARED, key=lambda name: float(found[name][:, joint].mean())) for joint in range(3)]
-    said = ", ".join(f"J{j + 1} {CALLED[name]} {found[name][:, j]} {UNITS[j]}" for j, name in enumerate(best))
-    return by_count([name in ADAPTIVE for name in best], f"best: {said}")
+    samples = {name: errors(o, name, ROCKING) for name in COMPARED}
+    best = [min(COMPARED, key=lambda name: float(samples[name][:, joint].mean())) for joint in range(3)]
+    text = ", ".join(f"J{j + 1} {CALLED[name]} {samples[name][:, j]} {UNITS[j]}" for j, name in enumerate(best))
+    return by_count([name in ADAPTIVE for name in best], f"best: {text}")
 
 
 @ADAPTIVE_COMPENSATION.claim(
@@ -455,8 +468,8 @@ def _best(o: Outcomes) -> Judgement:
 )
 def _unmodelled(o: Outcomes) -> Judgement:
     law, known = (errors(o, name) for name in ("adaptive-dg", "dg"))
-    said = ", ".join(f"J{j + 1} {law[:, j]} against {known[:, j]} {unit}" for j, unit in enumerate(UNITS))
-    return by_count(law.mean(axis=0) < known.mean(axis=0), said)
+    text = ", ".join(f"J{j + 1} {law[:, j]} against {known[:, j]} {unit}" for j, unit in enumerate(UNITS))
+    return by_count(law.mean(axis=0) < known.mean(axis=0), text)
 
 
 @ADAPTIVE_COMPENSATION.claim(
@@ -470,10 +483,10 @@ def _unmodelled(o: Outcomes) -> Judgement:
     "to add to it.",
 )
 def _sensor_helps(o: Outcomes) -> Judgement:
-    found = {kind: [errors(o, name, ROCKING_ASIDE)[:, 0] for name in ladder] for kind, ladder in LADDERS.items()}
-    said = "; ".join(f"{kind} {', '.join(f'{each}' for each in ladder)}" for kind, ladder in found.items())
-    falls = [less.mean() > more.mean() for ladder in found.values() for less, more in pairwise(ladder)]
-    return by_count(falls, f"joint 1 [deg], no sensor, orientation, accelerometer: {said}")
+    ladders = {kind: [errors(o, name, ROCKING_ASIDE)[:, 0] for name in ladder] for kind, ladder in LADDERS.items()}
+    text = "; ".join(f"{kind} {', '.join(f'{each}' for each in ladder)}" for kind, ladder in ladders.items())
+    falls = [less.mean() > more.mean() for ladder in ladders.values() for less, more in pairwise(ladder)]
+    return by_count(falls, f"joint 1 [deg], no sensor, orientation, accelerometer: {text}")
 
 
 @ADAPTIVE_COMPENSATION.claim(
@@ -487,5 +500,5 @@ def _sensor_helps(o: Outcomes) -> Judgement:
 def _magnitude(o: Outcomes) -> Judgement:
     direction, both = (errors(o, name, ROCKING_ASIDE)[:, 0] for name in LADDERS["model"][1:])
     gain = 100.0 * (1.0 - both / direction)
-    said = f"joint 1 {direction} deg by direction alone, {both} deg with magnitude: {gain:.1f} % less"
-    return by_count([gain.mean() > 0.0], said)
+    text = f"joint 1 {direction} deg by direction alone, {both} deg with magnitude: {gain:.1f} % less"
+    return by_count([gain.mean() > 0.0], text)

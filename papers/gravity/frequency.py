@@ -54,7 +54,7 @@ def responses(points: int) -> Result:
     ways = dict(zip(WAYS, sensing, strict=True))
     turn, sway = coupling.raven_on("turn"), coupling.raven_on("x")
     kept = coupling.GRID[(coupling.GRID >= 0.1) & (coupling.GRID <= 20.0)]
-    near = np.unique(np.concatenate([coupling.GRID[coupling.GRID >= 0.5], np.linspace(9.0, 11.0, 101)]))
+    grid = np.unique(np.concatenate([coupling.GRID[coupling.GRID >= 0.5], np.linspace(9.0, 11.0, 101)]))
     stable: dict[str, dict[str, list[float]]] = {}
     unstable: dict[str, dict[str, list[float]]] = {}
     for motion in MOTIONS:
@@ -72,9 +72,9 @@ def responses(points: int) -> Result:
             "joint": {
                 name: _rounded(np.abs(coupling.joint_response(turn, kept, way)[:, 0])) for name, way in ways.items()
             },
-            "around_hz": _rounded(near),
+            "around_hz": _rounded(grid),
             "around": {
-                name: _rounded(np.abs(coupling.loop(sway, near, way, DRAWN_HZ)) / DRAWN_KG)
+                name: _rounded(np.abs(coupling.loop(sway, grid, way, DRAWN_HZ)) / DRAWN_KG)
                 for name, way in ways.items()
             },
         },
@@ -99,9 +99,9 @@ def cases(scope: Scope) -> list[Case]:
 
 def report(o: Outcomes) -> Report:
     """Return what joints feel of a base, which bases are stable, which swing up, and the picture."""
-    (found,) = o.of(responses)
-    own = found["own"]
-    felt = [[f"{hz:g}", *(f"{found['response'][name][k]:.5f}" for name in WAYS)] for k, hz in enumerate(FREQUENCIES)]
+    (result,) = o.of(responses)
+    own = result["own"]
+    felt = [[f"{hz:g}", *(f"{result['response'][name][k]:.5f}" for name in WAYS)] for k, hz in enumerate(FREQUENCIES)]
     pushed = [
         [
             f"{one['acceleration']:g}",
@@ -109,13 +109,13 @@ def report(o: Outcomes) -> Report:
             " ".join(f"{value:+.3f}" for value in one["off"]),
             "0",
         ]
-        for one in found["sustained"]
+        for one in result["sustained"]
     ]
     tables = [
         table("Joint 1's error per angle of a rocking base [rad/rad]", ["rocking [Hz]", *WAYS], felt),
-        table("Smallest base that is stable by small gain", ["base", *WAYS], _sizes(found["stable"])),
+        table("Smallest base that is stable by small gain", ["base", *WAYS], _sizes(result["stable"])),
         table(
-            "Largest base that swings up, by the count of unstable roots", ["base", *WAYS], _sizes(found["unstable"])
+            "Largest base that swings up, by the count of unstable roots", ["base", *WAYS], _sizes(result["unstable"])
         ),
         table(
             "Sustained acceleration",
@@ -132,7 +132,7 @@ def report(o: Outcomes) -> Report:
         f"column {NONE} of the smallest stable base is the arm's own reaction, which is physics and never unstable: "
         "small gain is sufficient, not necessary."
     )
-    return Report(tables, {caption: _picture(found["curves"])}, [remark])
+    return Report(tables, {caption: _picture(result["curves"])}, [remark])
 
 
 def _sizes(sizes: Result) -> list[list[str]]:
@@ -181,17 +181,17 @@ EXPERIMENT = Experiment(
     "gyroscope swings a light turning base up, as the estimator's lag at its natural frequency adds to the motion.",
 )
 def _instability(o: Outcomes) -> Judgement:
-    found, *_ = o.of(responses)
+    result, *_ = o.of(responses)
     swinging = [
-        (name, motion, hz, size, size > ALONE * found["own"][motion])
-        for motion, by_way in found["unstable"].items()
+        (name, motion, hz, size, size > ALONE * result["own"][motion])
+        for motion, by_way in result["unstable"].items()
         for name in (HELD, ACCELEROMETER, UNIT)
         for hz, size in zip(BASE_HZ, by_way[name], strict=True)
         if size > 0.0
     ]
-    said = "; ".join(
+    text = "; ".join(
         f"{name}: {motion}, {hz:g} Hz, up to {size:.2g} {MOTIONS[motion]}{'' if heavier else ', the arm alone'}"
         for name, motion, hz, size, heavier in swinging
     )
     heavy = any(heavier and name != UNIT for name, _, _, _, heavier in swinging)
-    return graded(heavy, bool(swinging), said or "no base swings up")
+    return graded(heavy, bool(swinging), text or "no base swings up")

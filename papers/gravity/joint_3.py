@@ -68,8 +68,8 @@ def errors(
 ) -> Result:
     """Follow the motion with each controller; return joint 3's RMS error by controller [mm]."""
     arm = varied_joint_3(Variation("", friction, coupling))
-    wanted = [(name, damping) for name in controllers]
-    runs = run_controllers(seed, turned_base(BASE_DEG), wanted, cycles=1, axes=axes, arm=arm)
+    pairs = [(name, damping) for name in controllers]
+    runs = run_controllers(seed, turned_base(BASE_DEG), pairs, cycles=1, axes=axes, arm=arm)
     return {each.controller: float(each.rms_error[JOINT]) for each in runs}
 
 
@@ -118,10 +118,10 @@ def _highest(o: Outcomes) -> list[str]:
     """Say how far compensation raises joint 3's error at most, of all variations."""
     parts = []
     for damping in DAMPINGS:
-        found = {(each.name, name): changes(o, name, each, damping) for each in VARIATIONS for name in COMPENSATED}
-        if there := [key for key, values in found.items() if len(values)]:
-            most = max(there, key=lambda key: float(found[key].mean()))
-            parts.append(f"{damping} damping {found[most]:.2f} % ({most[0]}, {LABELS[most[1]]})")
+        by_case = {(each.name, name): changes(o, name, each, damping) for each in VARIATIONS for name in COMPENSATED}
+        if there := [key for key, values in by_case.items() if len(values)]:
+            worst = max(there, key=lambda key: float(by_case[key].mean()))
+            parts.append(f"{damping} damping {by_case[worst]:.2f} % ({worst[0]}, {LABELS[worst[1]]})")
     return [f"Joint 3's error with compensation against PD alone, where it comes out highest: {'; '.join(parts)}."]
 
 
@@ -130,11 +130,11 @@ def _picture(o: Outcomes) -> Any:
     for panel, damping in zip(axes, DAMPINGS, strict=True):
         for k, name in enumerate(COMPENSATED):
             for i, variation in enumerate(VARIATIONS):
-                found = changes(o, name, variation, damping)
-                if len(found):
+                samples = changes(o, name, variation, damping)
+                if len(samples):
                     place, label = i + 0.4 * (k - 0.5), LABELS[name] if i == 0 else None
-                    panel.bar(place, found.mean(), 0.36, color=COLORS[name], label=label)
-                    panel.plot(np.full(len(found), place), found, "o", color="white", mec="#1c2430", ms=3)
+                    panel.bar(place, samples.mean(), 0.36, color=COLORS[name], label=label)
+                    panel.plot(np.full(len(samples), place), samples, "o", color="white", mec="#1c2430", ms=3)
         panel.axhline(0.0, color="#1c2430", lw=0.8)
         names = [each.name for each in VARIATIONS]
         panel.set_xticks(range(len(VARIATIONS)), names, fontsize=8, rotation=20, ha="right")

@@ -56,10 +56,10 @@ def held(*, seed: int | None, angle_deg: float, poses_deg: Sequence[float]) -> R
             errors[SG] = _ours("sg", deepcopy(plant), poses_deg)
             errors[DG] = _ours("dg", plant, poses_deg)
         else:
-            told = deepcopy(plant)
-            told.grav_dir = grav_dir_of(told.measured_js().gravity)
+            informed = deepcopy(plant)
+            informed.grav_dir = grav_dir_of(informed.measured_js().gravity)
             errors[LEVEL] = _firmware(plant, poses_deg)
-            errors[TOLD] = _firmware(told, poses_deg)
+            errors[TOLD] = _firmware(informed, poses_deg)
     return {law: (np.sqrt(np.mean(errors[law] ** 2, axis=0)) * SHOWN).tolist() for law in LAWS}
 
 
@@ -92,7 +92,7 @@ def cases(scope: Scope) -> list[Case]:
 
 def report(o: Outcomes) -> Report:
     """Return the errors by base, joint and law: a row per base and joint, a column per law."""
-    angles = sorted({told["angle_deg"] for told, _ in o.items(held)})
+    angles = sorted({args["angle_deg"] for args, _ in o.items(held)})
 
     def row(angle: float, joint: int) -> list[str]:
         errors = (sample(o, held, law, angle_deg=angle)[:, joint] for law in LAWS)
@@ -112,13 +112,13 @@ def report(o: Outcomes) -> Report:
 
 def _picture(o: Outcomes, angles: Sequence[float]) -> Any:
     figure, both = panels(2, 3.4)
-    seeds = list(dict.fromkeys(told["seed"] for told, _ in o.items(held)))
+    seeds = list(dict.fromkeys(args["seed"] for args, _ in o.items(held)))
     for joint, axes in enumerate(both):
         for law in LAWS:
             for k, seed in enumerate(seeds):
-                found = {told["angle_deg"]: result[law][joint] for told, result in o.items(held, seed=seed)}
+                by_angle = {args["angle_deg"]: result[law][joint] for args, result in o.items(held, seed=seed)}
                 style = {"linewidth": 2.0, "label": law} if k == 0 else {"linewidth": 0.7, "alpha": 0.5}
-                values = [found.get(angle, np.nan) for angle in angles]
+                values = [by_angle.get(angle, np.nan) for angle in angles]
                 axes.plot(angles, values, "o-", color=LAW_COLORS[law], markersize=3, **style)
         axes.set_title(f"joint {joint + 1}", fontsize=10)
         axes.set_xlabel("base about Z0 [deg]")

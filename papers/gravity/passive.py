@@ -118,12 +118,12 @@ def neutral(*, angle_deg: float, seconds: float) -> Result:
         just after the push.
     """
     here = np.array(HOLD_START)
-    rest, _ = _left_alone(angle_deg, here, np.zeros(3), seconds)
+    settled, _ = _left_alone(angle_deg, here, np.zeros(3), seconds)
     moved, _ = _left_alone(angle_deg, here + DISPLACED, np.zeros(3), seconds)
     q, qd = _left_alone(angle_deg, here, PUSH, PUSHED + seconds)
     energy = 0.5 * np.einsum("ti,tij,tj->t", qd, mass_matrix(load_robot("raven2"), q), qd)
     return {
-        "distance": float(np.abs(moved - rest - DISPLACED).max() / DISPLACED),
+        "distance": float(np.abs(moved - settled - DISPLACED).max() / DISPLACED),
         "energy": float(energy[-1] / energy[round(PUSHED / TICK)]),
     }
 
@@ -159,15 +159,15 @@ def cases(scope: Scope) -> list[Case]:
 
 def drifts(o: Outcomes, function: Run, controller: str) -> dict[float, Floats]:
     """Return the largest drift by base [deg], each (robots, 3) [deg, deg, mm]."""
-    angles = sorted({told["angle_deg"] for told, _ in o.items(function)})
+    angles = sorted({args["angle_deg"] for args, _ in o.items(function)})
     return {angle: sample(o, function, controller, angle_deg=angle) for angle in angles}
 
 
 def report(o: Outcomes) -> Report:
     """Return drift by base with and without friction, how neutral the equilibria are, and drift on a rocking base."""
     neutral_rows = [
-        [f"{told['angle_deg']}", f"{result['distance']:.1e}", f"{100.0 * result['energy']:.2f}"]
-        for told, result in sorted(o.items(neutral), key=lambda item: item[0]["angle_deg"])
+        [f"{args['angle_deg']}", f"{result['distance']:.1e}", f"{100.0 * result['energy']:.2f}"]
+        for args, result in sorted(o.items(neutral), key=lambda item: item[0]["angle_deg"])
     ]
 
     def row(hz: float, name: str) -> list[str]:
@@ -210,11 +210,11 @@ def _picture(o: Outcomes) -> Any:
     titles = ("simulated RAVEN-II, every robot", "its links, no friction")
     for axes, function, title in zip(both, (on_cables, as_rigid_bodies), titles, strict=True):
         for name in CONTROLLERS:
-            found = drifts(o, function, name)
-            for k, drift in enumerate(np.array([each[:, 0] for each in found.values()]).T):
+            by_angle = drifts(o, function, name)
+            for k, drift in enumerate(np.array([each[:, 0] for each in by_angle.values()]).T):
                 bold = {"linewidth": 2.0, "label": f"{name.upper()} alone"}
                 style = bold if k == 0 else {"linewidth": 0.7, "alpha": 0.5}
-                axes.semilogy(list(found), np.maximum(drift, SEEN), "o-", ms=3, color=COLORS[name], **style)
+                axes.semilogy(list(by_angle), np.maximum(drift, SEEN), "o-", ms=3, color=COLORS[name], **style)
         axes.set_title(title, fontsize=10)
         axes.set_xlabel("base about Z0 [deg]")
     both[0].set_ylabel("largest drift of joint 1 [deg]")
@@ -235,11 +235,11 @@ EXPERIMENT = Experiment(
     "more than half of the angles",
 )
 def _sensed_holds(o: Outcomes) -> Judgement:
-    found = drifts(o, on_cables, "dg")
-    largest = by_robot(np.max(list(found.values()), axis=0))  # of each robot's joints over all bases, (robots, 3)
-    said = ", ".join(f"J{joint + 1} {largest[:, joint]} {unit}" for joint, unit in enumerate(UNITS))
-    measured = f"each robot's largest drift at any angle: {said}; at most {largest[:, 0].max():.2f} deg"
-    return by_count([drift.max() < HELD for drift in found.values()], measured)
+    by_angle = drifts(o, on_cables, "dg")
+    largest = by_robot(np.max(list(by_angle.values()), axis=0))  # of each robot's joints over all bases, (robots, 3)
+    text = ", ".join(f"J{joint + 1} {largest[:, joint]} {unit}" for joint, unit in enumerate(UNITS))
+    measured = f"each robot's largest drift at any angle: {text}; at most {largest[:, 0].max():.2f} deg"
+    return by_count([drift.max() < HELD for drift in by_angle.values()], measured)
 
 
 @EXPERIMENT.claim(
@@ -252,17 +252,17 @@ def _sensed_holds(o: Outcomes) -> Judgement:
     "friction fall there (second table).",
 )
 def _nominal_falls(o: Outcomes) -> Judgement:
-    found = drifts(o, on_cables, "sg")
-    level = [drift.max() < HELD for angle, drift in found.items() if angle == 0]
+    by_angle = drifts(o, on_cables, "sg")
+    level = [drift.max() < HELD for angle, drift in by_angle.items() if angle == 0]
     # each robot's largest drift of a joint [deg|mm]
-    tilted = {angle: by_robot(drift.max(axis=1)) for angle, drift in found.items() if abs(angle) >= FEW_DEG}
+    tilted = {angle: by_robot(drift.max(axis=1)) for angle, drift in by_angle.items() if abs(angle) >= FEW_DEG}
     fell = {angle: drift > HELD for angle, drift in tilted.items()}
-    said = [
+    texts = [
         f"at {angle} deg {tilted[angle]:.1f} (deg or mm), {int(which.sum())} of {len(which)} robots"
         for angle, which in fell.items()
         if not which.all()
     ]
     least = [drift.min() for angle, drift in tilted.items() if fell[angle].all()]
     if least:
-        said.insert(0, f"every robot drifts at {len(least)} of {len(tilted)} angles, by {min(least):.1f} at least")
-    return by_count([*level, *(bool(which.all()) for which in fell.values())], "; ".join(said))
+        texts.insert(0, f"every robot drifts at {len(least)} of {len(tilted)} angles, by {min(least):.1f} at least")
+    return by_count([*level, *(bool(which.all()) for which in fell.values())], "; ".join(texts))

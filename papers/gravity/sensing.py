@@ -41,8 +41,8 @@ POSES = ((0.52, 1.57, 0.40), (0.9, 1.2, 0.36), (1.2, 1.9, 0.45))  # [rad, rad, m
 ASKEW_DEG = (0.5, 1.0, 2.0)
 # RMS errors of joint positions on a real robot [rad, rad, m]; joint-calibration paper, table I, J2-J3
 JOINTS_OFF = {
-    told: np.array(TABLE_1["J2-J3"][method]) / SHOWN
-    for told, method in (("as reported", "raw"), ("calibrated (linear)", "linear"))
+    source: np.array(TABLE_1["J2-J3"][method]) / SHOWN
+    for source, method in (("as reported", "raw"), ("calibrated (linear)", "linear"))
 }
 SETTLE, DURATION, TICK = 0.5, 2.5, 0.001  # [s] two cycles, after half of one
 LEVEL_BASE, ATTITUDE = "level base", "true attitude, no accelerations"
@@ -140,8 +140,8 @@ def _sensed(
 @run(revision=1)
 def lacking_torque(noise_seed: int, quick: bool = False) -> Result:
     """Return what the holding torque lacks with every source, of all joints and of each, in percent."""
-    found = residuals(seed=noise_seed, quick=quick)
-    return {row.source: [round(100.0 * value, 4) for value in (row.whole, *row.joints)] for row in found}
+    rows = residuals(seed=noise_seed, quick=quick)
+    return {row.source: [round(100.0 * value, 4) for value in (row.whole, *row.joints)] for row in rows}
 
 
 def cases(scope: Scope) -> list[Case]:
@@ -152,17 +152,17 @@ def cases(scope: Scope) -> list[Case]:
 
 def report(o: Outcomes) -> Report:
     """Return the table and its picture."""
-    (found,) = o.of(lacking_torque)
-    content = [[source, *(f"{value:.2f}" for value in values)] for source, values in found.items()]
+    (result,) = o.of(lacking_torque)
+    content = [[source, *(f"{value:.2f}" for value in values)] for source, values in result.items()]
     return Report(
         [table("What the holding torque lacks, RMS over its RMS", "gravity by | all [%] | J1 | J2 | J3", content)],
-        {"What the holding torque on a rocking base lacks, all joints": _picture(found)},
+        {"What the holding torque on a rocking base lacks, all joints": _picture(result)},
     )
 
 
-def _picture(found: Result) -> Any:
-    figure, (axes,) = panels(1, 0.3 * len(found) + 0.9)
-    axes.barh(list(found), [values[0] for values in found.values()], color="#d9622b")
+def _picture(result: Result) -> Any:
+    figure, (axes,) = panels(1, 0.3 * len(result) + 0.9)
+    axes.barh(list(result), [values[0] for values in result.values()], color="#d9622b")
     axes.set_xscale("log")
     axes.invert_yaxis()
     axes.tick_params(axis="y", labelsize=8)
@@ -172,10 +172,10 @@ def _picture(found: Result) -> Any:
 
 def _falls(o: Outcomes, names: Sequence[str]) -> Judgement:
     """Judge whether every joint lacks less from one source to the next."""
-    found, *_ = o.of(lacking_torque)
-    said = "; ".join(f"J{joint} {' > '.join(f'{found[name][joint]:.1f}' for name in names)} %" for joint in (1, 2, 3))
+    result, *_ = o.of(lacking_torque)
+    text = "; ".join(f"J{joint} {' > '.join(f'{result[name][joint]:.1f}' for name in names)} %" for joint in (1, 2, 3))
     steps = list(itertools.pairwise(names))
-    return by_count([found[a][joint] > found[b][joint] for joint in (1, 2, 3) for a, b in steps], said)
+    return by_count([result[a][joint] > result[b][joint] for joint in (1, 2, 3) for a, b in steps], text)
 
 
 EXPERIMENT = Experiment(

@@ -37,7 +37,7 @@ from papers.figures import COLORS, LABELS, legend_above, panels
 from papers.gravity.published import FIGURE_7_DEG, LARGEST_BASE_DEG
 from papers.gravity.raven_base import SHOWN, raven_of_2014, turned_base
 from papers.gravity.tracking import CONTROLLERS, gravity_source
-from papers.kit import by_count, by_robot, cells, graded, grid, rows, sample, table, told, unless_missing
+from papers.kit import as_text, by_count, by_robot, cells, graded, grid, rows, sample, table, unless_missing
 
 OF_FIGURE_7 = """Figure 7 of the gravity paper: calculated gravity terms beside the torque of PD alone at static poses.
 
@@ -148,8 +148,8 @@ def stand(
     arm: SimulatedArm, controller: SplitController, q: Floats, *, move: bool, sensed: GravitySource | None = None
 ) -> Stood:
     """Stand at q, after going there or at once; gravity is what the plant says where no source is given."""
-    rest = Rest(q, SETTLE + WATCHED)
-    whole, begin = with_approach(arm, rest, 0.0) if move else (rest, 0.0)
+    standing = Rest(q, SETTLE + WATCHED)
+    whole, begin = with_approach(arm, standing, 0.0) if move else (standing, 0.0)
     seen: list[tuple[Floats, ...]] = []
 
     def observe(tick: Tick) -> None:
@@ -179,19 +179,19 @@ def cases(scope: Scope) -> list[Case]:
 
 def angles_of(o: Outcomes) -> list[float]:
     """Return the bases that were run [deg]."""
-    return sorted({told["angle_deg"] for told, _ in o.items(static)})
+    return sorted({args["angle_deg"] for args, _ in o.items(static)})
 
 
 def approaches_of(o: Outcomes) -> list[Approach]:
     """Return the ways of coming to the poses that were run."""
-    run_so = {told["approach"] for told, _ in o.items(static)}
+    run_so = {args["approach"] for args, _ in o.items(static)}
     return [approach for approach in APPROACHES if approach in run_so]
 
 
 def rms(rows: ArrayLike) -> Floats:
     """Return the RMS over poses of each joint's values, (3,)."""
-    found: Floats = np.sqrt(np.mean(np.square(rows), axis=0))
-    return found
+    values: Floats = np.sqrt(np.mean(np.square(rows), axis=0))
+    return values
 
 
 def held(o: Outcomes, controller: str, what: str, angle_deg: float, approach: Approach) -> Floats:
@@ -215,8 +215,8 @@ def by_base(o: Outcomes, measure: Measure, approach: Approach) -> list[list[str]
     """Return a row for every base: a measure of every joint and term."""
 
     def row(angle: float) -> list[Any]:
-        found = [measure(o, name, angle, approach) for name in TERMS]
-        return [angle, *(f"{each[:, joint]:.1f}" for joint in range(3) for each in found)]
+        values = [measure(o, name, angle, approach) for name in TERMS]
+        return [angle, *(f"{each[:, joint]:.1f}" for joint in range(3) for each in values)]
 
     return rows(row, angles_of(o))
 
@@ -278,7 +278,7 @@ FIGURE_7 = Experiment(
 def _match(o: Outcomes) -> Judgement:
     off = {f"{term.upper()} off by": differences(o, term, LEVEL_DEG)[:, 0] for term in TERMS}
     largest = max(each.mean() for each in off.values())
-    return graded(largest <= MATCHED, largest <= NEAR, told(off, ".1f", " %"))
+    return graded(largest <= MATCHED, largest <= NEAR, as_text(off, ".1f", " %"))
 
 
 @FIGURE_7.claim(
@@ -291,10 +291,10 @@ def _match(o: Outcomes) -> Judgement:
 def _diverge(o: Outcomes) -> Judgement:
     level, tilted = (differences(o, "sg", angle)[:, 0] for angle in FIGURE_7_DEG)
     dg = differences(o, "dg", TILTED_DEG)[:, 0]
-    most = max(level.mean(), dg.mean())
-    diverges = tilted.mean() >= 3.0 * most and dg.mean() <= MATCHED
-    said = f"SG off by {tilted:.1f} %, on a level base {level:.1f} %; DG by {dg:.1f} %"
-    return graded(diverges, tilted.mean() > most, said)
+    larger = max(level.mean(), dg.mean())
+    diverges = tilted.mean() >= 3.0 * larger and dg.mean() <= MATCHED
+    text = f"SG off by {tilted:.1f} %, on a level base {level:.1f} %; DG by {dg:.1f} %"
+    return graded(diverges, tilted.mean() > larger, text)
 
 
 @FIGURE_7.claim(
@@ -310,9 +310,9 @@ def _less_accurate(o: Outcomes) -> Judgement:
 
 def _rises(o: Outcomes, measure: Measure, name: str, words: str) -> Judgement:
     """Judge whether joint 1's measure, mean over robots, rises at every step of the base's angle."""
-    found = {f"{angle} deg": measure(o, name, angle, DRIVEN)[:, 0] for angle in angles_of(o)}
-    steps = pairwise(each.mean() for each in found.values())
-    return by_count([late > early for early, late in steps], f"{words}: {told(found, '.1f', ' %')}")
+    by_angle = {f"{angle} deg": measure(o, name, angle, DRIVEN)[:, 0] for angle in angles_of(o)}
+    steps = pairwise(each.mean() for each in by_angle.values())
+    return by_count([late > early for early, late in steps], f"{words}: {as_text(by_angle, '.1f', ' %')}")
 
 
 def report_8(o: Outcomes) -> Report:
@@ -337,10 +337,10 @@ def report_8(o: Outcomes) -> Report:
 @unless_missing
 def _shares_of_joints_2_and_3(o: Outcomes) -> str:
     """Say how much PD gives where friction is most of what holds a joint."""
-    found = {approach: cells(shares(o, "dg", 0, approach), 1) for approach in approaches_of(o)}
+    texts = {approach: cells(shares(o, "dg", 0, approach), 1) for approach in approaches_of(o)}
     parts = "; ".join(
         f"{approach}: {', '.join(f'joint {joint} {each} %' for joint, each in enumerate(of, 1))}"
-        for approach, of in found.items()
+        for approach, of in texts.items()
     )
     return (
         f"Claims are of joint 1. On a level base the PD term gives, with DG, of the torque of {parts}. Driven, joints "
@@ -379,9 +379,9 @@ FIGURE_8 = Experiment(
     fitted=True,
 )
 def _near_zero(o: Outcomes) -> Judgement:
-    found = {f"{angle} deg": shares(o, "dg", angle)[:, 0] for angle in angles_of(o)}
-    small = [each.mean() <= NEAR_ZERO for each in found.values()]
-    return by_count(small, f"{LABELS['dg']}: {told(found, '.1f', ' %')}")
+    by_angle = {f"{angle} deg": shares(o, "dg", angle)[:, 0] for angle in angles_of(o)}
+    small = [each.mean() <= NEAR_ZERO for each in by_angle.values()]
+    return by_count(small, f"{LABELS['dg']}: {as_text(by_angle, '.1f', ' %')}")
 
 
 @FIGURE_8.claim(

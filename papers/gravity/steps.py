@@ -142,8 +142,8 @@ def respond(plant: CablePlant, event: Event, name: str) -> Response:
         rows.append((tick.time - WARM, tick.reference.q[0], tick.state.q[0]))
 
     run_loop(arm.plant, controller, motion, limits=arm.limits(), gravity=source, observers=[observe])
-    time, wanted, reached = np.array(rows).T
-    return _measure(event, time, wanted, reached)
+    time, reference, reached = np.array(rows).T
+    return _measure(event, time, reference, reached)
 
 
 def _event_motion(begin: Floats, end: Floats, seconds: float) -> list[Trajectory]:
@@ -153,8 +153,8 @@ def _event_motion(begin: Floats, end: Floats, seconds: float) -> list[Trajectory
     return [step, Rest(end, seconds - step.duration)]
 
 
-def _measure(event: Event, time: Floats, wanted: Floats, reached: Floats) -> Response:
-    error = np.rad2deg(wanted - reached)
+def _measure(event: Event, time: Floats, reference: Floats, reached: Floats) -> Response:
+    error = np.rad2deg(reference - reached)
     after = time >= 0.0
     before = float(error[(time >= -0.1) & ~after].mean())
     change = error[after] - before
@@ -163,7 +163,7 @@ def _measure(event: Event, time: Floats, wanted: Floats, reached: Floats) -> Res
     if event == "reference":
         share = np.rad2deg(reached[after] - reached[~after][-1]) / STEP_DEG
         rise = float(time[after][np.argmax(share >= 0.9)] - time[after][np.argmax(share >= 0.1)])
-        over = max(0.0, float(np.rad2deg(reached[after].max() - wanted[-1])))
+        over = max(0.0, float(np.rad2deg(reached[after].max() - reference[-1])))
     return Response(
         before,
         rise,
@@ -231,10 +231,10 @@ def report(o: Outcomes) -> Report:
 
 
 def _picture(o: Outcomes) -> Any:
-    found = {event: results[0] for event in EVENTS if (results := o.of(responses, event=event))}
-    figure, parts = panels(max(len(found), 1), 3.6)
+    by_event = {event: results[0] for event in EVENTS if (results := o.of(responses, event=event))}
+    figure, parts = panels(max(len(by_event), 1), 3.6)
     labelled: dict[str, Any] = {}
-    for axes, (event, by_name) in zip(parts, found.items(), strict=False):
+    for axes, (event, by_name) in zip(parts, by_event.items(), strict=False):
         for name, row in by_name.items():
             # PD+SG and the true attitude's term are the same on a level base
             style = "--" if name == "attitude" else "-"
@@ -242,8 +242,8 @@ def _picture(o: Outcomes) -> Any:
             labelled[LABELS[name]] = axes.plot(row["time"], line, style, color=COLORS[name], lw=1.2)[0]
         if event == "reference":
             one = next(iter(by_name.values()))
-            wanted = np.array(one["error"]) + one["moved"]
-            labelled["reference"] = axes.plot(one["time"], wanted - wanted[0], ":", color="#7a8699", lw=1.2)[0]
+            reference = np.array(one["error"]) + one["moved"]
+            labelled["reference"] = axes.plot(one["time"], reference - reference[0], ":", color="#7a8699", lw=1.2)[0]
         axes.set_title(TITLES[event], fontsize=10)
         axes.set_ylabel("joint 1 moved [deg]" if event == "reference" else "error of joint 1 [deg]")
         axes.set_xlabel("time since it began [s]")

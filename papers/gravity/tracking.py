@@ -153,7 +153,7 @@ def gravity_source(name: str, plant: CablePlant) -> GravitySource:
 def run_controllers(
     seed: int | None,
     base: MovingBase,
-    wanted: Sequence[tuple[str, Damping]],
+    controllers: Sequence[tuple[str, Damping]],
     *,
     cycles: int = CYCLES,
     axes: Sequence[str] = ("x", "y", "z"),
@@ -166,7 +166,7 @@ def run_controllers(
     model = raven_arm(plant).model
     sinusoids = CartesianSinusoids(model, RAVEN_START, cycles=cycles, axes=axes)
     motion: Trajectory = WorkspaceIncrements(model, sinusoids) if way == "increments" else sinusoids
-    return [_follow(deepcopy(plant), name, damping, motion) for name, damping in wanted]
+    return [_follow(deepcopy(plant), name, damping, motion) for name, damping in controllers]
 
 
 def _follow(plant: CablePlant, name: str, damping: Damping, motion: Trajectory) -> Run:
@@ -179,8 +179,8 @@ def _follow(plant: CablePlant, name: str, damping: Damping, motion: Trajectory) 
     controller = _controller(name, arm, damping)
     source = gravity_source(name, plant) if name in (*SENSORS, *ADAPTIVE, *BY_ORIENTATION) else None
     result = track(arm, controller, motion, gravity=source, observers=[observe])
-    wanted, reported, true = (forward_kinematics(arm.model, np.array(q))[1] for q in zip(*seen, strict=True))
-    off = 1000.0 * (wanted - reported)
+    reference, reported, true = (forward_kinematics(arm.model, np.array(q))[1] for q in zip(*seen, strict=True))
+    off = 1000.0 * (reference - reported)
     return Run(
         name,
         damping,
@@ -188,7 +188,7 @@ def _follow(plant: CablePlant, name: str, damping: Damping, motion: Trajectory) 
         tuple(result.pd_share.tolist()),
         tuple(result.rms_torque.tolist()),
         (*np.sqrt(np.mean(off**2, axis=0)).tolist(), float(np.sqrt(np.mean(np.sum(off**2, axis=1))))),
-        float(1000.0 * np.sqrt(np.mean(np.sum((wanted - true) ** 2, axis=1)))),
+        float(1000.0 * np.sqrt(np.mean(np.sum((reference - true) ** 2, axis=1)))),
     )
 
 
@@ -223,8 +223,8 @@ def follow_sinusoids(
         For each "controller damping": RMS of the joint errors [deg, deg, mm], share of the PD term, torques, and the
         tip's errors [mm].
     """
-    wanted: list[tuple[str, Damping]] = [(name, _damping(damping)) for name, damping in controllers]
-    runs = run_controllers(seed, _base(base), wanted, cycles=cycles, axes=axes, way=way)
+    pairs: list[tuple[str, Damping]] = [(name, _damping(damping)) for name, damping in controllers]
+    runs = run_controllers(seed, _base(base), pairs, cycles=cycles, axes=axes, way=way)
     return {f"{one.controller} {one.damping}": one._asdict() for one in runs}
 
 

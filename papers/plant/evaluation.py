@@ -31,23 +31,23 @@ def errors_of(
     """
     train = recordings.calibration_log(plant, np.random.default_rng(SEED))
     models = {name: recordings.unguarded(recordings.fitted([train], recordings.METHODS[name])) for name in methods}
-    found = []
+    tested = []
     for k in range(tests):
         log = recordings.random_log(deepcopy(plant), np.random.default_rng(first + k), test_seconds)
         data = {name: recordings.rows_of(model, log) for name, model in models.items()}
         of_models = {name: recordings.rmse(model, data[name]) for name, model in models.items()}
-        found.append(recordings.baselines(models[methods[0]], data[methods[0]]) | of_models)
-    return {name: np.mean([each[name] for each in found], axis=0) for name in found[0]}
+        tested.append(recordings.baselines(models[methods[0]], data[methods[0]]) | of_models)
+    return {name: np.mean([each[name] for each in tested], axis=0) for name in tested[0]}
 
 
 def mean_errors(arm: CableArm, test_seconds: float = TEST_SECONDS) -> dict[str, Floats]:
     """Return errors in direction J2-J3, the mean over three motions, each of a robot whose idlers stand otherwise."""
-    found = []
+    tested = []
     for k in range(TESTS):
         turned = arm.cable.idler_phase + np.random.default_rng(k).uniform(-np.pi, np.pi, 3) * (k > 0)
         plant = recordings.homed(None, arm=arm._replace(cable=arm.cable.replace(idler_phase=turned)))
-        found.append(errors_of(plant, ("linear", "polynomial"), 1, test_seconds, 60 + k))
-    return {name: np.mean([each[name] for each in found], axis=0) for name in found[0]}
+        tested.append(errors_of(plant, ("linear", "polynomial"), 1, test_seconds, 60 + k))
+    return {name: np.mean([each[name] for each in tested], axis=0) for name in tested[0]}
 
 
 def linear_model(train: MotionLog) -> CalibrationModel:

@@ -160,8 +160,8 @@ def static_gravity(base_deg: float) -> Result:
 @run(revision=1)
 def tilted_tracking(robot: str, base_deg: float) -> Result:
     """Return each controller's RMS errors [deg, deg, mm] where figure 9's motion is followed on a tilted base."""
-    wanted: list[tuple[str, Damping]] = [(name, "absolute") for name in CONTROLLERS]
-    runs = run_controllers(None, turned_base(base_deg), wanted, arm=load_cable_arm(robot), way="increments")
+    pairs: list[tuple[str, Damping]] = [(name, "absolute") for name in CONTROLLERS]
+    runs = run_controllers(None, turned_base(base_deg), pairs, arm=load_cable_arm(robot), way="increments")
     return {one.controller: list(one.rms_error) for one in runs}
 
 
@@ -186,10 +186,10 @@ def verdict(reached: Sequence[float] | Floats, target: Sequence[float]) -> str:
 def report(o: Outcomes) -> Report:
     """Return a table for every group of targets."""
     of_angle = "base [deg] | target [%] | DG, J1 [%] | SG, J1 [%] | DG calibrated, J1 [%] | DG, J2, J3 [%] | verdict"
-    least, most = JOINT_1_FRICTION
+    low, high = JOINT_1_FRICTION
     of_method = f"RMSE | role | paper [{UNITS}] | nominal robot | verdict | three drawn robots"
     of_order = "greater error | less | joint | nominal difference | of drawn robots | verdict"
-    static = [_static(told["base_deg"], found) for told, found in o.items(static_gravity)]
+    static = [_static(args["base_deg"], result) for args, result in o.items(static_gravity)]
     tables = [
         table("Errors of methods, direction J2-J3", of_method, _methods(o)),
         table("Orders of methods", of_order, _orders(o)),
@@ -202,10 +202,10 @@ def report(o: Outcomes) -> Report:
         table("Numbers that were fitted", "number | unit | values | plausible | why", _numbers()),
     ]
     friction = [
-        f"Friction of joint 1 in all, under the torque that holds it on a level base: {found['friction_Nm']:.2f} Nm; "
-        f"target {least} to {most} Nm in the paper of 2014, 0.7 Nm in the recording of 2018. Both cannot hold of one "
+        f"Friction of joint 1 in all, under the torque that holds it on a level base: {result['friction_Nm']:.2f} Nm; "
+        f"target {low} to {high} Nm in the paper of 2014, 0.7 Nm in the recording of 2018. Both cannot hold of one "
         "robot: the gravity paper's experiments take the one of 2014, all others this one."
-        for found in o.of(static_gravity, base_deg=BASE_ANGLES_DEG[0])
+        for result in o.of(static_gravity, base_deg=BASE_ANGLES_DEG[0])
     ]
     return Report(filled(tables), remarks=friction)
 
@@ -216,8 +216,8 @@ def _text(values: Sequence[float] | Floats) -> str:
 
 def _of(o: Outcomes, name: str) -> list[Floats]:
     """Return a method's errors of the nominal robot (3,) and of drawn ones (robots, 3), as far as they have run."""
-    found = {told["seed"]: np.array(result[name]) for told, result in o.items(methods)}
-    return [np.array([found[seed] for seed in seeds if seed in found]) for seeds in ((None,), DRAWN)]
+    by_seed = {args["seed"]: np.array(result[name]) for args, result in o.items(methods)}
+    return [np.array([by_seed[seed] for seed in seeds if seed in by_seed]) for seeds in ((None,), DRAWN)]
 
 
 def _methods(o: Outcomes) -> list[list[str]]:
@@ -225,8 +225,8 @@ def _methods(o: Outcomes) -> list[list[str]]:
     for name, target in {**TARGETS, **HELD_OUT}.items():
         nominal, drawn = _of(o, name)
         role = "held out" if name in HELD_OUT else "fitted"
-        told = [_text(nominal[0]), verdict(nominal[0], target)] if len(nominal) else ["-", "-"]
-        content.append([name, role, _text(target), *told, _text(drawn.mean(axis=0)) if len(drawn) else "-"])
+        texts = [_text(nominal[0]), verdict(nominal[0], target)] if len(nominal) else ["-", "-"]
+        content.append([name, role, _text(target), *texts, _text(drawn.mean(axis=0)) if len(drawn) else "-"])
     return content
 
 
@@ -239,27 +239,27 @@ def _orders(o: Outcomes) -> list[list[str]]:
         for j, joint in enumerate(JOINTS):
             mean, spread = drawn[:, j].mean(), drawn[:, j].std(ddof=1)
             holds = nominal[0, j] > 0.0 and mean > 0.0
-            told = ("beyond the spread" if mean > spread else "holds") if holds else "does not hold"
-            content.append([greater, less, joint, f"{nominal[0, j]:.3f}", f"{mean:.3f} ± {spread:.3f}", told])
+            text = ("beyond the spread" if mean > spread else "holds") if holds else "does not hold"
+            content.append([greater, less, joint, f"{nominal[0, j]:.3f}", f"{mean:.3f} ± {spread:.3f}", text])
     return content
 
 
-def _static(base_deg: float, found: Result) -> list[str]:
+def _static(base_deg: float, result: Result) -> list[str]:
     tilted = base_deg == BASE_ANGLES_DEG[-1]
-    good = found["dg"][0] < PD_SHARE_LIMIT and (not tilted or found["sg"][0] > STATIC_SHARE_LIMIT)
+    good = result["dg"][0] < PD_SHARE_LIMIT and (not tilted or result["sg"][0] > STATIC_SHARE_LIMIT)
     target = f"DG < {PD_SHARE_LIMIT:.0f}" + (f", SG > {STATIC_SHARE_LIMIT:.0f}" if tilted else "")
-    shares = (f"{found[name][0]:.1f}" for name in ("dg", "sg", "dg calibrated"))
-    others = f"{found['dg'][1]:.0f}, {found['dg'][2]:.0f}"
+    shares = (f"{result[name][0]:.1f}" for name in ("dg", "sg", "dg calibrated"))
+    others = f"{result['dg'][1]:.0f}, {result['dg'][2]:.0f}"
     return [f"{base_deg:.0f}", target, *shares, others, "reached" if good else "not reached"]
 
 
 def _gains(o: Outcomes) -> list[list[str]]:
     content = []
-    for told, found in o.items(tilted_tracking):
-        plain, level, sensed = (found[name][0] for name in CONTROLLERS)
+    for args, result in o.items(tilted_tracking):
+        plain, level, sensed = (result[name][0] for name in CONTROLLERS)
         errors = (f"{error:.3f}" for error in (plain, level, sensed))
         gain = 100.0 * (1.0 - sensed / plain)
-        content.append([ROBOTS[told["robot"]], *errors, f"{gain:.1f} %", f"{gravity.GAIN_PERCENT:.0f} %"])
+        content.append([ROBOTS[args["robot"]], *errors, f"{gain:.1f} %", f"{gravity.GAIN_PERCENT:.0f} %"])
     return content
 
 

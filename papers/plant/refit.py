@@ -37,8 +37,8 @@ def fitted(arm: CableArm, free: list[Free], misses: Misses, rounds: int) -> Cabl
     for _ in range(rounds):
         n = len(free)
         system = np.vstack([jacobian, PRIOR * np.eye(n), damping * np.eye(n)])
-        wanted = np.concatenate([-here, PRIOR * (start - shares), np.zeros(n)])
-        step = lsq_linear(system, wanted, (-shares - 1e-12, 1.0 - shares + 1e-12)).x
+        target = np.concatenate([-here, PRIOR * (start - shares), np.zeros(n)])
+        step = lsq_linear(system, target, (-shares - 1e-12, 1.0 - shares + 1e-12)).x
         there = misses(with_shares(arm, free, np.clip(shares + step, 0.0, 1.0)))
         print(f"  {here @ here:.4f} -> {there @ there:.4f}, a step of {np.abs(step).max():.3f}", flush=True)
         jacobian = jacobian + np.outer(there - here - jacobian @ step, step) / (step @ step)
@@ -106,5 +106,5 @@ if __name__ == "__main__":
     parser.add_argument("data", type=Path, help="the robot's data file, which is rewritten")
     parser.add_argument("recording", type=Path, help="raven_state_circle.npz of the recording of 2018")
     parser.add_argument("rounds", nargs="?", type=int, default=8, help="of fitting; by default 8")
-    asked = parser.parse_args()
-    main(asked.data, asked.recording, asked.rounds)
+    args = parser.parse_args()
+    main(args.data, args.recording, args.rounds)

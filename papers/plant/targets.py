@@ -70,15 +70,15 @@ class Free(NamedTuple):
 
 def free_numbers(arm: CableArm) -> list[Free]:
     """Return the numbers of a data file that are fitted between bounds."""
-    found = []
+    numbers = []
     for table in ("cable", "rig"):
         for field, entry in getattr(arm.file, table).items():
             if entry.origin != "fitted" or entry.least is None or entry.most is None:
                 continue
             places = [slice(None)] if field in ALIKE else [slice(k, k + 1) for k in range(len(entry.value))]
             bounds = zip(places, entry.least, entry.most, strict=False)
-            found += [Free(table, field, place, low, high) for place, low, high in bounds if high > low]
-    return found
+            numbers += [Free(table, field, place, low, high) for place, low, high in bounds if high > low]
+    return numbers
 
 
 def shares_of(arm: CableArm, free: list[Free]) -> Floats:

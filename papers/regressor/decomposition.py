@@ -35,14 +35,14 @@ def groups(regressor: CompactRegressor) -> list[int]:
     model = regressor.model
     n = len(model.link_names)
     slides = np.flatnonzero(model.tree.prismatic)
-    found = [ZERO] * (3 * n * (n + 1) + len(slides))
+    numbers = [ZERO] * (3 * n * (n + 1) + len(slides))
     for place, text in enumerate(parameter_texts(model)):
         if text != "0":
-            found[place] = NO_EFFECT  # unless it is one of those below
+            numbers[place] = NO_EFFECT  # unless it is one of those below
     for number, places in enumerate(regressor.sources, 1):
         for place in places:
-            found[place] = number
-    return found
+            numbers[place] = number
+    return numbers
 
 
 def parameter_texts(model: RobotModel) -> list[str]:
@@ -102,8 +102,8 @@ def _dotted(a: formulas.SymbolicVector, b: formulas.SymbolicVector) -> formulas.
             for right, y in other.items():
                 product = tuple(sorted(left + right))
                 total[product] = total.get(product, 0.0) + x * y
-    found = formulas.cleaned(total)
-    return found if len(found) <= formulas.MAX_TERMS else None
+    terms = formulas.cleaned(total)
+    return terms if len(terms) <= formulas.MAX_TERMS else None
 
 
 @run(revision=1)

@@ -86,8 +86,8 @@ def medians(calls: list[Callable[[], object]], repeats: int) -> Floats:
             for _ in range(CALLS):
                 call()
             taken[k, c] = (time.perf_counter() - begin) / CALLS
-    found: Floats = np.median(taken, axis=0)
-    return found
+    result: Floats = np.median(taken, axis=0)
+    return result
 
 
 @run(revision=1)
@@ -129,15 +129,15 @@ def of(o: Outcomes, robot: str) -> Result:
 def report(o: Outcomes) -> Report:
     """Return the planar arm's steps as the paper prints them, and every robot's counts."""
     timed = [
-        [told["robot"], *(f"{result[key]:.2f}" for key in ("full_us", "compact_us", "ratio"))]
-        for told, result in o.items(evaluation)
+        [args["robot"], *(f"{result[key]:.2f}" for key in ("full_us", "compact_us", "ratio"))]
+        for args, result in o.items(evaluation)
     ]
     tables = _planar(of(o, PLANAR)) if o.of(decomposition, robot=PLANAR) else []
     tables += [
         table(
             "Every robot of the catalogue",
             "robot | full Z | zero | no effect | merged | difference [Nm]",
-            [_counts(told["robot"], result) for told, result in o.items(decomposition)],
+            [_counts(args["robot"], result) for args, result in o.items(decomposition)],
         ),
         table(
             "Time of an evaluation, both forms compiled alike, median, on the machine that it ran on",
@@ -171,9 +171,9 @@ def _steps(planar: Result) -> list[list[str]]:
     for number, group in enumerate(planar["groups"]):
         if group != ZERO:
             joint, place = divmod(number, 3 * (planar["joints"] + 1))
-            told = f"merged into s{group}" if group > 0 else "deleted: no joint feels it"
+            text = f"merged into s{group}" if group > 0 else "deleted: no joint feels it"
             where = f"carried by joint {joint + 1}, along {'xyz'[place % 3]} of {FRAMES[place // 3]}"
-            content.append([str(number + 1), where, planar["s"][number], told])
+            content.append([str(number + 1), where, planar["s"][number], text])
     deleted = planar["groups"].count(ZERO)
     return [*content, [f"the {deleted} others", "", "0", "deleted with their columns"]]
 
@@ -258,8 +258,8 @@ def _is_full(o: Outcomes) -> Judgement:
     planar = of(o, PLANAR)
     same = [tuple(block) == FULL_BLOCK for block in planar["blocks"]]
     places = {number: tuple(k for k, group in enumerate(planar["groups"]) if group == number) for number in (1, 2, 3)}
-    told = f"blocks {' '.join(planar['blocks'][0])}; s1, s2, s3 at {', '.join(str(p) for p in places.values())}"
-    return by_count([*same, tuple(places.values()) == PLACES], told)
+    text = f"blocks {' '.join(planar['blocks'][0])}; s1, s2, s3 at {', '.join(str(p) for p in places.values())}"
+    return by_count([*same, tuple(places.values()) == PLACES], text)
 
 
 @EXPERIMENT.claim(
@@ -285,12 +285,12 @@ def _is_compact(o: Outcomes) -> Judgement:
 )
 def _size(o: Outcomes) -> Judgement:
     of_turning = [
-        (told["robot"], result["shape"][1], result["joints"])
-        for told, result in o.items(decomposition)
+        (args["robot"], result["shape"][1], result["joints"])
+        for args, result in o.items(decomposition)
         if result["prismatic"] == 0
     ]
-    told = ", ".join(f"{robot} {width}" for robot, width, _ in of_turning)
-    return by_count([width == 3 * n * (n + 1) for _, width, n in of_turning], f"columns: {told}")
+    text = ", ".join(f"{robot} {width}" for robot, width, _ in of_turning)
+    return by_count([width == 3 * n * (n + 1) for _, width, n in of_turning], f"columns: {text}")
 
 
 @EXPERIMENT.claim(
@@ -313,10 +313,10 @@ def _any_robot(o: Outcomes) -> Judgement:
 )
 def _faster(o: Outcomes) -> Judgement:
     widths = [(result["shape"][1], len(result["parameters"])) for result in o.of(decomposition)]
-    ratios = {told["robot"]: result["ratio"] for told, result in o.items(evaluation)}
+    ratios = {args["robot"]: result["ratio"] for args, result in o.items(evaluation)}
     shares = [after / before for before, after in widths]
-    told = (
+    text = (
         f"full over compact: {', '.join(f'{robot} {ratio:.1f}' for robot, ratio in ratios.items())}; of the columns "
         f"{100 * min(shares):.0f} to {100 * max(shares):.0f} % are left"
     )
-    return by_count([ratio > 1.0 for ratio in ratios.values()], told)
+    return by_count([ratio > 1.0 for ratio in ratios.values()], text)

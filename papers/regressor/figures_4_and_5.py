@@ -105,14 +105,14 @@ def rms(o: Outcomes, condition: Condition, window: str) -> Floats:
 
 
 def _results(o: Outcomes, condition: Condition) -> list[Any]:
-    if found := o.of(dual_arm, **vars(condition)):
-        return list(found)
+    if results := o.of(dual_arm, **vars(condition)):
+        return list(results)
     raise Missing(condition.label)
 
 
-def force_left(o: Outcomes, condition: Condition, rest: str) -> Floats:
+def force_left(o: Outcomes, condition: Condition, window: str) -> Floats:
     """Return the RMS of the PD term at rest (robots, 3) of trunk, left and right arm [Nm]: what gravity is unknown."""
-    begin, end = (round(time / SAMPLE) for time in WINDOWS[rest])
+    begin, end = (round(time / SAMPLE) for time in WINDOWS[window])
     errors = np.array([np.array(one["errors_deg"])[:, begin:end] for one in _results(o, condition)])
     squares = np.mean((KP[:, None] * np.deg2rad(errors)) ** 2, axis=2)  # (robots, 19)
     return by_robot(np.sqrt([[each[joints].mean() for joints in LIMBS.values()] for each in squares]))
@@ -209,8 +209,8 @@ FIGURE_4 = Experiment(
 def _stays(o: Outcomes) -> Judgement:
     begin, end = (rms(o, PRINTED, window) for window in (BEFORE, LEARNT))
     ends = zip(LIMBS, begin.T, end.T, strict=True)
-    said = ", ".join(f"{limb} {first:.2f} to {last:.2f} deg" for limb, first, last in ends)
-    return by_count(end.mean(axis=0) / begin.mean(axis=0) >= STAYS, said)
+    text = ", ".join(f"{limb} {first:.2f} to {last:.2f} deg" for limb, first, last in ends)
+    return by_count(end.mean(axis=0) / begin.mean(axis=0) >= STAYS, text)
 
 
 @FIGURE_4.claim(
@@ -284,11 +284,11 @@ FIGURE_5 = Experiment(
     "compact and on the full Z from zero; same direction: in more than half of these six",
 )
 def _shrinks(o: Outcomes) -> Judgement:
-    holds, said = [], []
+    holds, texts = [], []
     for each in (COMPACT, FULL):
         holds += list(rms(o, each, LEARNT).mean(axis=0) < HALF * rms(o, each, BEFORE).mean(axis=0))
-        said.append(f"{each.label}: {of_limbs(o, each, BEFORE)} to {of_limbs(o, each, LEARNT)} deg")
-    return by_count(holds, f"mean of the limbs, {'; '.join(said)}")
+        texts.append(f"{each.label}: {of_limbs(o, each, BEFORE)} to {of_limbs(o, each, LEARNT)} deg")
+    return by_count(holds, f"mean of the limbs, {'; '.join(texts)}")
 
 
 @FIGURE_5.claim(
@@ -300,8 +300,8 @@ def _shrinks(o: Outcomes) -> Judgement:
 )
 def _some_error(o: Outcomes) -> Judgement:
     holds = _compared(o, lambda each, _: rms(o, each, LEARNT), lambda each, window: rms(o, each, window))
-    said = [f"{each.label}, {rest}: {of_limbs(o, each, rest)} deg" for each, rest in product((COMPACT, FULL), RESTS)]
-    return by_count(holds, f"mean of the limbs, {'; '.join(said)}")
+    texts = [f"{each.label}, {span}: {of_limbs(o, each, span)} deg" for each, span in product((COMPACT, FULL), RESTS)]
+    return by_count(holds, f"mean of the limbs, {'; '.join(texts)}")
 
 
 @FIGURE_5.claim(
@@ -313,9 +313,11 @@ def _some_error(o: Outcomes) -> Judgement:
 )
 def _beside_none(o: Outcomes) -> Judgement:
     holds = _compared(o, lambda each, window: rms(o, each, window), lambda each, window: rms(o, each.reference, window))
-    left = {(each, rest): 100.0 * _over_alone(o, each, rest).mean(axis=1) for each in (COMPACT, FULL) for rest in RESTS}
-    said = "; ".join(f"{each.label}, {rest}: {kept:.0f} %" for (each, rest), kept in left.items())
-    return by_count(holds, f"of PD alone, mean of the limbs, {said}")
+    shares = {
+        (each, when): 100.0 * _over_alone(o, each, when).mean(axis=1) for each in (COMPACT, FULL) for when in RESTS
+    }
+    text = "; ".join(f"{each.label}, {when}: {kept:.0f} %" for (each, when), kept in shares.items())
+    return by_count(holds, f"of PD alone, mean of the limbs, {text}")
 
 
 @FIGURE_5.claim(
@@ -325,11 +327,11 @@ def _beside_none(o: Outcomes) -> Judgement:
     "the same law from 7 s to the end leaves less in every limb at rest in poses one and two, mean over robots",
 )
 def _longer_is_better(o: Outcomes) -> Judgement:
-    holds, said = [], []
-    for rest in RESTS:
-        holds += list(rms(o, LONGER, rest).mean(axis=0) < rms(o, COMPACT, rest).mean(axis=0))
-        said.append(f"{rest}: {of_limbs(o, COMPACT, rest)} to {of_limbs(o, LONGER, rest)} deg")
-    return by_count(holds, f"mean of the limbs, {'; '.join(said)}")
+    holds, texts = [], []
+    for window in RESTS:
+        holds += list(rms(o, LONGER, window).mean(axis=0) < rms(o, COMPACT, window).mean(axis=0))
+        texts.append(f"{window}: {of_limbs(o, COMPACT, window)} to {of_limbs(o, LONGER, window)} deg")
+    return by_count(holds, f"mean of the limbs, {'; '.join(texts)}")
 
 
 @FIGURE_5.claim(
@@ -341,12 +343,12 @@ def _longer_is_better(o: Outcomes) -> Judgement:
     "the law learns one pose, which cannot tell all combinations of 19 joints",
 )
 def _give_the_force(o: Outcomes) -> Judgement:
-    holds, said = [], []
-    for each, rest in product((COMPACT, FULL), RESTS):
-        left = force_left(o, each, rest) / force_left(o, PRINTED, rest)
-        holds += list(left.mean(axis=0) < HALF)
-        said.append(f"{each.label}, {rest}: {by_robot(100.0 * left.mean(axis=1)):.0f} %")
-    return by_count(holds, f"left of the torque, mean of the limbs: {'; '.join(said)}")
+    holds, texts = [], []
+    for each, window in product((COMPACT, FULL), RESTS):
+        share = force_left(o, each, window) / force_left(o, PRINTED, window)
+        holds += list(share.mean(axis=0) < HALF)
+        texts.append(f"{each.label}, {window}: {by_robot(100.0 * share.mean(axis=1)):.0f} %")
+    return by_count(holds, f"left of the torque, mean of the limbs: {'; '.join(texts)}")
 
 
 @FIGURE_5.claim(
@@ -358,10 +360,10 @@ def _give_the_force(o: Outcomes) -> Judgement:
     "direction: in more than half of these six",
 )
 def _quasi_static(o: Outcomes) -> Judgement:
-    holds, said = [], []
-    for rest in RESTS:
-        still, moving = (force_left(o, each, rest) for each in (COMPACT, MOVING))
+    holds, texts = [], []
+    for window in RESTS:
+        still, moving = (force_left(o, each, window) for each in (COMPACT, MOVING))
         holds += list(still.mean(axis=0) < moving.mean(axis=0))
         still, moving = (by_robot(each.mean(axis=1)) for each in (still, moving))
-        said.append(f"{rest}: {still:.2f} Nm learnt at rest, {moving:.2f} Nm learnt while moving")
-    return by_count(holds, f"mean of the limbs, {'; '.join(said)}")
+        texts.append(f"{window}: {still:.2f} Nm learnt at rest, {moving:.2f} Nm learnt while moving")
+    return by_count(holds, f"mean of the limbs, {'; '.join(texts)}")

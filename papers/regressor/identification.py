@@ -136,9 +136,9 @@ def fit_compact(regressor: CompactRegressor, s0: Floats, poses: Sequence[Poses],
     """Fit compact parameters to the torques by least squares, with the believed parameters as prior."""
     Z = np.concatenate([regressor.Z(p.q[positions], p.gravity) / NOISE[:, None] for p in poses])
     tau = np.concatenate([p.tau / NOISE for p in poses])
-    rows, wanted = Z.reshape(-1, Z.shape[2]), tau.reshape(-1)
+    rows, target = Z.reshape(-1, Z.shape[2]), tau.reshape(-1)
     prior = np.eye(len(s0)) / SPREAD
-    s = s0 + np.linalg.lstsq(np.vstack([rows, prior]), np.append(wanted - rows @ s0, 0.0 * s0), rcond=None)[0]
+    s = s0 + np.linalg.lstsq(np.vstack([rows, prior]), np.append(target - rows @ s0, 0.0 * s0), rcond=None)[0]
     return Fit(on, positions, s, int(np.linalg.matrix_rank(rows, rtol=1e-6)))
 
 
@@ -287,10 +287,10 @@ def report(o: Outcomes) -> Report:
             rows(held, SOURCES),
         ),
     ]
-    found = [one["identify_Nm_Nm_N"] for one in results]
-    remarks = [each for each in found if isinstance(each, str)]
-    if told := [each for each in found if not isinstance(each, str)]:
-        words = ", ".join(f"{axis} {value}" for axis, value in zip(AXES, cells(np.array(told)), strict=True))
+    outcomes = [one["identify_Nm_Nm_N"] for one in results]
+    remarks = [each for each in outcomes if isinstance(each, str)]
+    if measured := [each for each in outcomes if not isinstance(each, str)]:
+        words = ", ".join(f"{axis} {value}" for axis, value in zip(AXES, cells(np.array(measured)), strict=True))
         remarks.append(
             "`identify` (terms static) of the level base's poses with reported positions, at other poses there, RMS "
             f"error: {words}."

@@ -102,10 +102,10 @@ def batch(samples: Samples, model: RobotModel, until: int, options: IdentifyOpti
     """Return the torques (N, n) that a batch identification of the first rows predicts; None where it refuses."""
     first = samples.rows(np.arange(len(samples)) < until, samples.name)
     try:
-        found = identify_samples([first], model, options)
+        identified = identify_samples([first], model, options)
     except ExcitationError:
         return None
-    return found.predict_samples(replace(samples, history=None))
+    return identified.predict_samples(replace(samples, history=None))
 
 
 @run(revision=1)
@@ -227,5 +227,5 @@ EXPERIMENT = Experiment(
     "leave far less in both recordings (tables); so the parameters are there to be found.",
 )
 def _at_rest(o: Outcomes) -> Judgement:
-    shares, told = _left(o, STATIC, LOADED_AXES)
-    return by_count([share < HALF for share in shares], told)
+    shares, text = _left(o, STATIC, LOADED_AXES)
+    return by_count([share < HALF for share in shares], text)

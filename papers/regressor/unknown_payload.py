@@ -86,11 +86,11 @@ def trial(
     q = poses(model, before + LOOKED_AT[-1], rng)
     gravity = np.concatenate([gravity_torque(model, q[:before], LEVEL), gravity_torque(carrying, q[before:], LEVEL)])
     tau = gravity + noise * rng.normal(size=q.shape)
-    rest = np.zeros(model.n)
+    still = np.zeros(model.n)
     seen = []
     alarm = False
     for k in range(len(q)):
-        estimator.update(q[k], rest, tau[k], LEVEL, float(k))
+        estimator.update(q[k], still, tau[k], LEVEL, float(k))
         count = k - before + 1
         if count == 0:
             alarm = estimator.load is not None and estimator.load.no_load < 0.5
@@ -101,13 +101,13 @@ def trial(
                 continue
             first = beliefs.carriers[0]
             there = next(one for one in beliefs.carriers if one.frame == name)
-            given = first.probability / max(1.0 - beliefs.no_load, 1e-12)  # if there is a load
+            share = first.probability / max(1.0 - beliefs.no_load, 1e-12)  # if there is a load
             seen.append(
                 {
                     "poses": count,
                     "no_load": beliefs.no_load,
                     "right": first.frame == name,
-                    "probability": given,
+                    "probability": share,
                     "likely": len(beliefs.likely),
                     "among_likely": name in beliefs.likely,
                     "mass_error_kg": first.mass - mass,
@@ -141,17 +141,17 @@ def cases(scope: Scope) -> Sequence[Case]:
     """Return a case for every arm and condition."""
     conditions, trials = ((USUAL,), 8) if scope.quick else (tuple(CONDITIONS), 120)
     return [
-        payload_trials.case(seed=seed, noise_ratio=ratio, told_sizes=told, trials=trials)
+        payload_trials.case(seed=seed, noise_ratio=ratio, told_sizes=sizes, trials=trials)
         for seed in scope.robots
-        for ratio, told in conditions
+        for ratio, sizes in conditions
     ]
 
 
 def trials_of(o: Outcomes, condition: tuple[float, bool]) -> list[Plain]:
     """Return all trials under a condition."""
-    ratio, told = condition
-    found = o.of(payload_trials, noise_ratio=ratio, told_sizes=told)
-    return [one for result in found for one in result["trials"]]
+    ratio, sizes = condition
+    results = o.of(payload_trials, noise_ratio=ratio, told_sizes=sizes)
+    return [one for result in results for one in result["trials"]]
 
 
 def after(trials: Sequence[Plain], poses: int) -> list[tuple[Plain, Plain]]:
@@ -197,16 +197,16 @@ def _percent(holds: Sequence[bool]) -> str:
 
 
 def _row(name: str, pairs: Sequence[tuple[Plain, Plain]]) -> list[str]:
-    found = [(one, seen) for one, seen in pairs if noticed(seen)]
-    errors = [abs(seen["mass_error_kg"]) for _, seen in found if seen["right"]]
-    spread = [abs(seen["mass_error_kg"]) <= 2.0 * seen["mass_std_kg"] for _, seen in found if seen["right"]]
+    seen_loads = [(one, seen) for one, seen in pairs if noticed(seen)]
+    errors = [abs(seen["mass_error_kg"]) for _, seen in seen_loads if seen["right"]]
+    spread = [abs(seen["mass_error_kg"]) <= 2.0 * seen["mass_std_kg"] for _, seen in seen_loads if seen["right"]]
     return [
         name,
         str(len(pairs)),
         _percent([noticed(seen) for _, seen in pairs]),
-        _percent([seen["right"] for _, seen in found]),
-        _percent([seen["among_likely"] for _, seen in found]),
-        f"{np.mean([seen['likely'] for _, seen in found]):.1f}" if found else "-",
+        _percent([seen["right"] for _, seen in seen_loads]),
+        _percent([seen["among_likely"] for _, seen in seen_loads]),
+        f"{np.mean([seen['likely'] for _, seen in seen_loads]):.1f}" if seen_loads else "-",
         f"{np.median(errors):.3f}" if errors else "-",
         _percent(spread),
     ]
@@ -242,13 +242,13 @@ def statements(trials: Sequence[Plain]) -> list[Plain]:
 def reliability(trials: Sequence[Plain]) -> list[tuple[float, float, int]]:
     """Return mean stated probability, share of right ones and count, by bins of the probability."""
     stated = [(seen["probability"], seen["right"]) for seen in statements(trials)]
-    found = []
+    bins = []
     for low, high in pairwise(BINS):
         chosen = [each for each in stated if low < each[0] <= high or (high == 1.0 and each[0] > 1.0)]
         if len(chosen) >= FEWEST:
             mean = [float(np.mean([each[k] for each in chosen])) for k in (0, 1)]
-            found.append((mean[0], mean[1], len(chosen)))
-    return found
+            bins.append((mean[0], mean[1], len(chosen)))
+    return bins
 
 
 def overconfident(trials: Sequence[Plain], words: str) -> list[str]:
@@ -312,8 +312,8 @@ EXPERIMENT = Experiment(
 )
 def _sure(o: Outcomes) -> Judgement:
     bins = reliability(trials_of(o, USUAL))
-    told = ", ".join(f"{100 * p:.1f} % right {100 * right:.1f} %" for p, right, _ in bins)
-    return by_count([as_stated(*one) for one in bins], f"stated {told}")
+    text = ", ".join(f"{100 * p:.1f} % right {100 * right:.1f} %" for p, right, _ in bins)
+    return by_count([as_stated(*one) for one in bins], f"stated {text}")
 
 
 @EXPERIMENT.claim(
@@ -324,8 +324,8 @@ def _sure(o: Outcomes) -> Judgement:
     "loads",
 )
 def _listed(o: Outcomes) -> Judgement:
-    said = statements(trials_of(o, USUAL))
-    if len(said) < FEWEST:
+    listed = statements(trials_of(o, USUAL))
+    if len(listed) < FEWEST:
         return NOT_MEASURED
-    share = float(np.mean([one["among_likely"] for one in said]))
-    return by_count([as_stated(HOLD, share, len(said))], f"in {100 * share:.1f} % of {len(said)} lists")
+    share = float(np.mean([one["among_likely"] for one in listed]))
+    return by_count([as_stated(HOLD, share, len(listed))], f"in {100 * share:.1f} % of {len(listed)} lists")

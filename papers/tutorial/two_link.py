@@ -139,8 +139,8 @@ def report(o: Outcomes) -> Report:
 
     def errors(speed: float) -> list[list[str]]:
         return [
-            [told["controller"], *(f"{v:.3f}" for key in ("largest_deg", "at_rest_deg") for v in result[key])]
-            for told, result in o.items(errors_of, speed=speed)
+            [args["controller"], *(f"{v:.3f}" for key in ("largest_deg", "at_rest_deg") for v in result[key])]
+            for args, result in o.items(errors_of, speed=speed)
         ]
 
     header = "controller | largest error q0 [deg] | q1 [deg] | at rest q0 [deg] | q1 [deg]"
@@ -151,8 +151,8 @@ def report(o: Outcomes) -> Report:
 
 def _picture(o: Outcomes) -> Any:
     figure, axes = panels(2, 3.6)
-    for told, result in o.items(errors_of, speed=1.0):
-        name = told["controller"]
+    for args, result in o.items(errors_of, speed=1.0):
+        name = args["controller"]
         for panel, error in zip(axes, result["error_deg"], strict=True):
             panel.plot(result["time_s"], error, color=COLORS[NAMES.index(name)], linewidth=1.4, label=name)
     for j, panel in enumerate(axes):
@@ -181,12 +181,12 @@ EXPERIMENT = Experiment(
     "with it the arm rests within 0.01 deg of where it should, without it beyond 0.1 deg",
 )
 def _gravity(o: Outcomes) -> Judgement:
-    left = {name: _reached(o, name, "at_rest_deg") for name in NAMES}
-    told = ", ".join(f"{name} {values.max():.3f}" for name, values in left.items())
+    off = {name: _reached(o, name, "at_rest_deg") for name in NAMES}
+    text = ", ".join(f"{name} {values.max():.3f}" for name, values in off.items())
     holds = [
-        float(values.max()) < 0.01 if "gravity" in name else float(values.max()) > 0.1 for name, values in left.items()
+        float(values.max()) < 0.01 if "gravity" in name else float(values.max()) > 0.1 for name, values in off.items()
     ]
-    return by_count(holds, f"deg at rest: {told}")
+    return by_count(holds, f"deg at rest: {text}")
 
 
 @EXPERIMENT.claim(
@@ -200,7 +200,7 @@ def _gravity(o: Outcomes) -> Judgement:
     "the joints least, so that the share that is left is largest there.",
 )
 def _inertia(o: Outcomes) -> Judgement:
-    found = [
+    cases = [
         (
             f"{place}, q{j} steps",
             [
@@ -211,8 +211,8 @@ def _inertia(o: Outcomes) -> Judgement:
         for place in PLACES
         for j in range(2)
     ]
-    said = "; ".join(f"{name}: {without:.3f} to {with_it:.3f} deg" for name, (without, with_it) in found)
-    return by_count([with_it < UNDISTURBED * without for _, (without, with_it) in found], f"the other moves, {said}")
+    text = "; ".join(f"{name}: {without:.3f} to {with_it:.3f} deg" for name, (without, with_it) in cases)
+    return by_count([with_it < UNDISTURBED * without for _, (without, with_it) in cases], f"the other moves, {text}")
 
 
 @EXPERIMENT.claim(
@@ -224,6 +224,6 @@ def _inertia(o: Outcomes) -> Judgement:
     "the velocity terms make is their acceleration over the square of that frequency, whatever the loop's rate.",
 )
 def _coriolis(o: Outcomes) -> Judgement:
-    left = _reached(o, FULL, "largest_deg")
-    told = "; ".join(f"{speed}: {left[k, 0]:.2f}, {left[k, 1]:.2f} deg" for k, speed in enumerate(SPEEDS))
-    return by_count((left < 1.0).ravel(), told)
+    errors = _reached(o, FULL, "largest_deg")
+    text = "; ".join(f"{speed}: {errors[k, 0]:.2f}, {errors[k, 1]:.2f} deg" for k, speed in enumerate(SPEEDS))
+    return by_count((errors < 1.0).ravel(), text)

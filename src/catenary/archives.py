@@ -33,13 +33,13 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     if not path.is_file():
         raise FileFormatError(no_file(path))
     with reading(path, "an .npz archive of plain arrays", UNREADABLE), zipfile.ZipFile(path) as archive:
-        most, members = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size), archive.infolist()
+        max_bytes, members = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size), archive.infolist()
         if len(members) > MAX_ARRAYS:
             raise ValueError(f"{len(members)} files in it, expected {MAX_ARRAYS} at most")
         if len({member.filename for member in members}) < len(members):
             raise ValueError("two files in it have the same name")
-        if (total := sum(member.file_size for member in members)) > most:
-            raise ValueError(f"would unpack to {total} bytes, expected {most} at most")
+        if (total := sum(member.file_size for member in members)) > max_bytes:
+            raise ValueError(f"would unpack to {total} bytes, expected {max_bytes} at most")
         arrays: dict[str, NDArray[Any]] = {}
         for member in members:
             key = member.filename.removesuffix(".npy")
@@ -49,7 +49,7 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
                 arrays[key] = np.lib.format.read_array(file, allow_pickle=False)
                 if file.read(1):  # at the end of an array its checksum is checked
                     raise ValueError(f"{shortened(member.filename)} goes on behind its array")
-            most -= _memory_of(arrays[key], most)
+            max_bytes -= _memory_of(arrays[key], max_bytes)
     return arrays
 
 
@@ -73,32 +73,32 @@ def read_array(path: Path) -> NDArray[Any]:
     return array
 
 
-def decompressed(data: bytes, kind: Literal["bz2", "lz4", "zstd"], most: int) -> bytes:
+def decompressed(data: bytes, kind: Literal["bz2", "lz4", "zstd"], max_bytes: int) -> bytes:
     """Return decompressed bytes; ValueError where they are damaged, or more than a limit.
 
     Args:
         data, kind: Compressed bytes, and compression.
-        most: Largest number of bytes that are decompressed.
+        max_bytes: Largest number of bytes that are decompressed.
     """
     import pyarrow as pa
 
     try:
         with pa.CompressedInputStream(pa.BufferReader(data), kind) as stream:
-            content: bytes = stream.read(most + 1)
+            content: bytes = stream.read(max_bytes + 1)
     except (pa.ArrowException, OSError, MemoryError) as error:
         raise ValueError(f"{len(data)} bytes cannot be unpacked as {kind}: {error}") from error
-    if len(content) > most:
-        raise ValueError(f"{len(data)} bytes of {kind} unpack to more than {most} bytes")
+    if len(content) > max_bytes:
+        raise ValueError(f"{len(data)} bytes of {kind} unpack to more than {max_bytes} bytes")
     return content
 
 
-def _memory_of(array: NDArray[Any], most: int) -> int:
-    """Return the bytes that an array takes as numbers of 8 bytes, `most` at most; refuse what is no plain array."""
+def _memory_of(array: NDArray[Any], max_bytes: int) -> int:
+    """Return the bytes of an array as numbers of 8 bytes, `max_bytes` at most; refuse what is no plain array."""
     if array.dtype.kind not in _PLAIN:
         raise ValueError(f"an array of {cut(str(array.dtype))}, expected plain numbers or texts")
     taken = array.size * max(array.dtype.itemsize, 8)
     # no rows take no bytes, and columns are named all the same
     within = 8 * math.prod(max(1, length) for length in array.shape)
-    if max(taken, within) > most:
-        raise ValueError(f"an array of shape {shortened(array.shape)} has more than {most} bytes")
+    if max(taken, within) > max_bytes:
+        raise ValueError(f"an array of shape {shortened(array.shape)} has more than {max_bytes} bytes")
     return taken

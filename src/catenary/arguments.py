@@ -80,8 +80,8 @@ def _name(hint: Any) -> str:
     if origin is Annotated:
         return _name(parts[0])
     if origin in (Union, types.UnionType):
-        has_array, rest = _members_of_union(parts)
-        return " | ".join(dict.fromkeys(["ArrayLike"] * has_array + [*map(_name, rest)]))
+        has_array, others = _members_of_union(parts)
+        return " | ".join(dict.fromkeys(["ArrayLike"] * has_array + [*map(_name, others)]))
     if origin is np.ndarray:
         return "NDArray"
     if hint in (None, types.NoneType, inspect.Signature.empty):
@@ -101,35 +101,35 @@ def _members_of_union(parts: tuple[Any, ...]) -> tuple[bool, list[Any]]:
 def _wrong_argument(function: Callable[..., Any], args: tuple[Any, ...], named: Mapping[str, Any]) -> str | None:
     signature, hints = inspect.signature(function), _hints(function)
     try:
-        given = signature.bind(*args, **named).arguments
+        arguments = signature.bind(*args, **named).arguments
     except TypeError:
         return None
     for name, one in signature.parameters.items():  # of *arrays and **options each is an argument of its own
-        if one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD) and name in given:
-            several, hint = given.pop(name), hints.pop(name, Any)
+        if one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD) and name in arguments:
+            several, hint = arguments.pop(name), hints.pop(name, Any)
             several = several if isinstance(several, dict) else {f"{name}[{k}]": v for k, v in enumerate(several)}
             of_a_table = get_type_hints(get_args(hint)[0], include_extras=True) if get_origin(hint) is Unpack else None
-            given, hints = given | several, hints | (of_a_table or dict.fromkeys(several, hint))
-    for name, value in given.items():
+            arguments, hints = arguments | several, hints | (of_a_table or dict.fromkeys(several, hint))
+    for name, value in arguments.items():
         is_negative_seed = name == "seed" and isinstance(value, int | np.integer) and value < 0
         if name in hints and (is_negative_seed or not fits(value, hints[name])):
             shown = repr(value)
             cut = f"{shown[:_MAX_SHOWN_LETTERS]}..." if len(shown) > _MAX_SHOWN_LETTERS else shown
             wants_robot = getattr(hints[name], "__name__", "") == "RobotModel" and isinstance(value, str)
             hint = f'; catenary.load_robot("{value}") may make one' if wants_robot else ""
-            wanted = expected_text(hints[name]) + (", not negative" if is_negative_seed else "")
-            return f"{name}: expected {wanted}, got {type(value).__name__} {cut}{hint}"
+            expected = expected_text(hints[name]) + (", not negative" if is_negative_seed else "")
+            return f"{name}: expected {expected}, got {type(value).__name__} {cut}{hint}"
     return None
 
 
 def _hints(function: Callable[..., Any]) -> dict[str, Any]:
     """Return the annotations of a function, but for those of packages that are imported for types alone."""
-    found: dict[str, Any] = {}
+    hints: dict[str, Any] = {}
     for name, hint in function.__annotations__.items():
         with contextlib.suppress(NameError):
             one = types.SimpleNamespace(__annotations__={name: hint}, __globals__=function.__globals__)
-            found |= get_type_hints(one, one.__globals__, include_extras=True)
-    return found
+            hints |= get_type_hints(one, one.__globals__, include_extras=True)
+    return hints
 
 
 def fits(value: Any, hint: Any) -> bool:
@@ -138,8 +138,8 @@ def fits(value: Any, hint: Any) -> bool:
     if origin is Annotated:
         return fits(value, parts[0])
     if origin in (Union, types.UnionType):
-        has_array, rest = _members_of_union(parts)
-        return (has_array and _is_array(value)) or any(fits(value, part) for part in rest)
+        has_array, others = _members_of_union(parts)
+        return (has_array and _is_array(value)) or any(fits(value, part) for part in others)
     if origin is Literal:
         return any(type(value) is type(choice) and value == choice for choice in parts)
     if hint is None or hint is types.NoneType:
@@ -166,8 +166,8 @@ def expected_text(hint: Any) -> str:
     if origin is Annotated:
         return expected_text(parts[0])
     if origin in (Union, types.UnionType):
-        has_array, rest = _members_of_union(parts)
-        return " or ".join(dict.fromkeys(["numbers"] * has_array + [*map(expected_text, rest)]))
+        has_array, others = _members_of_union(parts)
+        return " or ".join(dict.fromkeys(["numbers"] * has_array + [*map(expected_text, others)]))
     if origin is Literal:
         return "one of " + ", ".join(map(repr, parts))
     plain = {types.NoneType: "None", float: "a number", int: "a whole number", np.ndarray: "a NumPy array"}

@@ -21,15 +21,15 @@ _FARTHEST = 1e4  # [rad, m] that no joint goes
 _APART = 0.5  # of the range of all other numbers, by which -999 lies outside it where it is none
 
 
-def spread(count: int, most: int) -> Integers:
+def spread(count: int, max_count: int) -> Integers:
     """Return rising indices, (min(count, most),), of a random subset of rows: one of each of equal parts, seeded.
 
     Every k-th row would sample a periodic motion at a few of its phases, and hide its delay.
 
     Args:
-        count, most: Number of rows, and largest number of indices.
+        count, max_count: Number of rows, and largest number of indices.
     """
-    edges = np.arange(min(count, most) + 1) * count // max(1, min(count, most))
+    edges = np.arange(min(count, max_count) + 1) * count // max(1, min(count, max_count))
     drawn = np.random.default_rng(0).random(len(edges) - 1)
     return np.asarray(edges[:-1] + (drawn * np.diff(edges)).astype(np.int64))
 
@@ -51,13 +51,13 @@ class Listed(NamedTuple):
         """Return the array that lists of numbers make; ValueError where they make none."""
         if self.null is not None and isinstance(values, list):
             values = [self.null if value is None else value for value in values]
-        shape, (letters, said) = _shape_text(self.shape), _KINDS[self.kind]
+        shape, (letters, words) = _shape_text(self.shape), _KINDS[self.kind]
         try:
             array = np.array(values)
         except ValueError as error:
             raise ValueError(f"expected shape {shape}, got rows of different lengths") from error
         if array.size and array.dtype.kind not in letters:
-            raise ValueError(f"expected {said}, shape {shape}")
+            raise ValueError(f"expected {words}, shape {shape}")
         if not _has_shape(array, self.shape):
             raise ValueError(f"expected shape {shape}, got {array.shape}")
         array = array.astype(self.kind)

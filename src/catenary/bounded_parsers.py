@@ -20,9 +20,9 @@ from xml.parsers import expat
 from catenary.errors import FileFormatError
 from catenary.file_formats import copied_as_text
 
-MOST_JSON = 8 * 2**20  # [B]; the longest that is written, the steps of a large project, has some 100 kB
-MOST_TOML = 2**19  # [B]; the longest robot of the catalogue has 12 kB, and tomllib is slow
-MOST_XML = 16 * 2**20  # [B]; published humanoids have less than 1 MB
+MAX_JSON_BYTES = 8 * 2**20  # [B]; the longest that is written, the steps of a large project, has some 100 kB
+MAX_TOML_BYTES = 2**19  # [B]; the longest robot of the catalogue has 12 kB, and tomllib is slow
+MAX_XML_BYTES = 16 * 2**20  # [B]; published humanoids have less than 1 MB
 MAX_LEVELS = 64  # tables within lists within tables; what is written here goes 8 deep
 _MAX_ELEMENTS = 100_000  # of an XML file
 _MAX_INTEGER = 2**128  # of integers: seeds of NumPy have up to 128 bits
@@ -59,29 +59,29 @@ def reading(path: Path | str, kind: str, unreadable: tuple[type[Exception], ...]
     except RecursionError as error:
         raise FileFormatError(f"{path}: is nested more than {MAX_LEVELS} levels deep") from error
     except unreadable as error:
-        said = f"{cut(str(error) or repr(error))}{copied_as_text(path)}"
-        raise FileFormatError(f"{path}: cannot be read as {kind}: {said}") from error
+        message = f"{cut(str(error) or repr(error))}{copied_as_text(path)}"
+        raise FileFormatError(f"{path}: cannot be read as {kind}: {message}") from error
 
 
-def read_bounded(path: Path, most: int) -> bytes:
+def read_bounded(path: Path, max_bytes: int) -> bytes:
     """Return the bytes of a file within a limit; FileFormatError where it is larger or cannot be read.
 
     Args:
-        path, most: The file, and its largest size [B].
+        path, max_bytes: The file, and its largest size [B].
     """
     try:
         with path.open("rb") as file:
-            data = file.read(most + 1)
+            data = file.read(max_bytes + 1)
     except FileNotFoundError as error:
         raise FileFormatError(f"{path}: no such file") from error
     except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
         raise FileFormatError(f"{path}: cannot be read: {error}") from error
-    _refuse_length(data, str(path), most)
+    _refuse_length(data, str(path), max_bytes)
     return data
 
 
 def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
-    """Parse JSON text into plain data, within `MOST_JSON` and `MAX_LEVELS`.
+    """Parse JSON text into plain data, within `MAX_JSON_BYTES` and `MAX_LEVELS`.
 
     Args:
         data, where: Text, or its bytes in UTF-8, and its source, which opens every message.
@@ -91,7 +91,7 @@ def json_value(data: str | bytes, where: str, *, finite: bool = True) -> Any:
         FileFormatError: No JSON, beyond the limits, a key twice in a table, a number beyond a float64, or an integer
             beyond 2^128.
     """
-    text = _text_of(data, where, "JSON", MOST_JSON)
+    text = _text_of(data, where, "JSON", MAX_JSON_BYTES)
 
     def table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         content = dict(pairs)
@@ -133,19 +133,19 @@ def json_table(data: str | bytes, where: str, *, finite: bool = True) -> dict[st
 def without_comments(data: bytes) -> bytes:
     """Return JSON without the comments of JavaScript that the dVRK's files have; lines keep their numbers."""
 
-    def blank(found: re.Match[bytes]) -> bytes:
-        return found[0] if found[0].startswith(b'"') else b" " + b"\n" * found[0].count(b"\n")
+    def blank(match: re.Match[bytes]) -> bytes:
+        return match[0] if match[0].startswith(b'"') else b" " + b"\n" * match[0].count(b"\n")
 
     return _TEXT_OR_COMMENT.sub(blank, data)
 
 
 def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
-    """Parse TOML text into plain data, within `MOST_TOML`, `MAX_LEVELS` and a float64's range; else FileFormatError.
+    """Parse TOML text into plain data, within `MAX_TOML_BYTES`, `MAX_LEVELS` and float64; else FileFormatError.
 
     Args:
         data, where: Text, or its bytes in UTF-8, and its source, which opens every message.
     """
-    text = _text_of(data, where, "TOML", MOST_TOML)
+    text = _text_of(data, where, "TOML", MAX_TOML_BYTES)
     if _DEEP_KEY.search(text):  # of which tomllib makes every part that a key begins with
         raise FileFormatError(f"{where}: is nested more than {MAX_LEVELS} levels deep")
     with reading(where, "TOML", (ValueError,)):
@@ -155,7 +155,7 @@ def toml_table(data: str | bytes, where: str) -> dict[str, Any]:
 
 
 def xml_tree(data: str | bytes, where: str) -> Element:
-    """Parse XML text into its root element, within `MOST_XML` and `_MAX_ELEMENTS`.
+    """Parse XML text into its root element, within `MAX_XML_BYTES` and `_MAX_ELEMENTS`.
 
     Names keep their prefix and `xmlns` is an attribute like any other, as in TinyXML, which other programs read URDF
     and MJCF with: a prefix need not be declared.
@@ -167,7 +167,7 @@ def xml_tree(data: str | bytes, where: str) -> Element:
         FileFormatError: No XML, beyond the limits, or with entities of its own, which can stand for other files and for
             gigabytes.
     """
-    _refuse_length(data, where, MOST_XML)
+    _refuse_length(data, where, MAX_XML_BYTES)
     builder, parser, numbers = TreeBuilder(), expat.ParserCreate(), count(1)
 
     def refuse(what: str) -> None:
@@ -205,9 +205,9 @@ def xml_root_tag(data: str | bytes, where: str) -> str:
     Args:
         data, where: Text, or its bytes, and its source, which opens every message.
     """
-    _refuse_length(data, where, MOST_XML)
-    found = _ROOT_TAG.search(XML_COMMENT.sub(b"", data.encode() if isinstance(data, str) else data))
-    return found[1].decode(errors="replace") if found else xml_tree(data, where).tag
+    _refuse_length(data, where, MAX_XML_BYTES)
+    match = _ROOT_TAG.search(XML_COMMENT.sub(b"", data.encode() if isinstance(data, str) else data))
+    return match[1].decode(errors="replace") if match else xml_tree(data, where).tag
 
 
 def shortened(value: Any) -> str:
@@ -222,8 +222,8 @@ def cut(text: str) -> str:
     return text if len(text) <= _MAX_CHARACTERS else f"{text[:_MAX_CHARACTERS]}... ({len(text)} characters)"
 
 
-def _text_of(data: str | bytes, where: str, kind: str, most: int) -> str:
-    _refuse_length(data, where, most)
+def _text_of(data: str | bytes, where: str, kind: str, max_bytes: int) -> str:
+    _refuse_length(data, where, max_bytes)
     if isinstance(data, str):
         return data.removeprefix("\ufeff")
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -235,9 +235,9 @@ def _text_of(data: str | bytes, where: str, kind: str, most: int) -> str:
         raise FileFormatError(f"{where}: cannot be read as {kind}: {place}: is no UTF-8 text") from error
 
 
-def _refuse_length(data: str | bytes, where: str, most: int) -> None:
-    if len(data) > most:
-        raise FileFormatError(f"{where}: is longer than {most} bytes, the most that is read of such a file")
+def _refuse_length(data: str | bytes, where: str, max_bytes: int) -> None:
+    if len(data) > max_bytes:
+        raise FileFormatError(f"{where}: is longer than {max_bytes} bytes, the most that is read of such a file")
 
 
 def _refuse_depth(content: Any, where: str) -> None:

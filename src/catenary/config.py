@@ -13,7 +13,7 @@ from typing import Any, TypeVar, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
-from catenary.bounded_parsers import MOST_TOML, cut, json_value, read_bounded, shortened, toml_table
+from catenary.bounded_parsers import MAX_TOML_BYTES, cut, json_value, read_bounded, shortened, toml_table
 from catenary.errors import ConfigError, FileFormatError
 
 _MAX_PROBLEMS = 10  # reported of one file at once
@@ -50,7 +50,7 @@ def load_toml(path: Path, schema: type[Schema]) -> Schema:
         path, schema: The file, and the type that it is parsed into.
     """
     try:
-        content = toml_table(read_bounded(path, MOST_TOML), str(path))
+        content = toml_table(read_bounded(path, MAX_TOML_BYTES), str(path))
     except FileFormatError as error:
         raise ConfigError(str(error)) from error
     return parse_settings(content, schema, str(path))

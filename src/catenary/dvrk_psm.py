@@ -45,5 +45,5 @@ def psm_topics(namespace: str, *, state_rate: float = 30.0) -> tuple[Topic, ...]
 
 def psm_topic_named(name: str) -> Topic | None:
     """Return the topic of a PSM by how its name ends; None of another robot."""
-    found = _NAME.fullmatch(name)
-    return None if found is None else psm_topic(f"/{found['place']}", found["verb"])
+    match = _NAME.fullmatch(name)
+    return None if match is None else psm_topic(f"/{match['place']}", match["verb"])

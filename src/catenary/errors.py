@@ -99,10 +99,8 @@ def to_install(extra: str) -> str:
         every = metadata.requires("catenary") or []
     except metadata.PackageNotFoundError:  # its files alone
         every = []
-    wanted = [one.partition(";")[0].strip() for one in every if re.search(rf"extra == .{extra}.$", one)]
-    return (
-        f"pip install {shlex.join(wanted)}" if wanted else f"pip install -e '.[{extra}]' in a clone of the repository"
-    )
+    needs = [one.partition(";")[0].strip() for one in every if re.search(rf"extra == .{extra}.$", one)]
+    return f"pip install {shlex.join(needs)}" if needs else f"pip install -e '.[{extra}]' in a clone of the repository"
 
 
 def imported(module: str, why: str, extra: str) -> Any:

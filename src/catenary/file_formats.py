@@ -25,7 +25,7 @@ class FileFormat:
     endings: tuple[str, ...] = ()  # of names, in small letters
     folder: str | None = None  # of one that is a folder: the file in it that tells it, "" if any folder may be one
     marks: tuple[tuple[int, bytes], ...] = ()  # one of which a file holds: place [B] and bytes
-    is_told_by_mark: bool = False  # whatever its name ends in
+    trusts_mark: bool = False  # whatever its name ends in
     is_text: bool = False
     reader: str = ""  # MODULE:NAME below catenary.recording, of path and, where it has episodes, the name of one
     reader_in_parts: str = ""  # of long files, of path and a progress callback
@@ -58,11 +58,11 @@ FORMATS = (
     FileFormat("MCAP", "messages", (".mcap",), marks=((0, b"\x89MCAP0\r\n"),), reader="bag_stream:BagStream"),
     FileFormat("SQLite of a ROS 2 bag", "messages", (".db3",), marks=((0, b"SQLite format 3\0"),),
                reader="bag_reader:SqliteBag"),
-    FileFormat("HDF5", "columns", (".hdf5", ".h5"), is_told_by_mark=True, has_episodes=True,
+    FileFormat("HDF5", "columns", (".hdf5", ".h5"), trusts_mark=True, has_episodes=True,
                marks=((0, b"\x89HDF\r\n\x1a\n"), (512, b"\x89HDF\r\n\x1a\n")),  # the second as MATLAB writes it
                reader="import_formats.episode_files:read_hdf5", package="h5py", extra="hdf5",
                advice="save its arrays as .npz, or in MATLAB save('log.mat', '-v7')"),
-    FileFormat("Motive's export", "columns", marks=((0, _MOTIVE), (0, b"\xef\xbb\xbf" + _MOTIVE)), is_told_by_mark=True,
+    FileFormat("Motive's export", "columns", marks=((0, _MOTIVE), (0, b"\xef\xbb\xbf" + _MOTIVE)), trusts_mark=True,
                is_text=True, reader=f"{_TABLES}:read_tracker_file"),
     FileFormat("CSV", "columns", (".csv",), is_text=True, has_layouts=True, reader=f"{_TABLES}:read_text",
                reader_in_parts=_TEXT),
@@ -122,7 +122,7 @@ def format_of(path: Path) -> FileFormat:
         return next(form for form in folders if not form.folder or (path / form.folder).is_file())
     begin, named = _begin(path), format_named(path)
     marked = [form for form in FORMATS if any(begin.startswith(mark, place) for place, mark in form.marks)]
-    sure = [form for form in marked if form.is_told_by_mark or named is UNKNOWN]
+    sure = [form for form in marked if form.trusts_mark or named is UNKNOWN]
     return sure[0] if sure else named
 
 
@@ -138,8 +138,8 @@ def copied_as_text(path: Path | str) -> str:
         head = re.split(rb"[\r\n]", mark, maxsplit=1)[0]  # a transfer as text changes what follows
         if not begin.startswith(head):
             continue
-        rest, lines = begin.removeprefix(head), begin.count(b"\n")
-        in_mark = rest.lstrip(b"\r").startswith(b"\n") and not begin.startswith(mark)
+        following, lines = begin.removeprefix(head), begin.count(b"\n")
+        in_mark = following.lstrip(b"\r").startswith(b"\n") and not begin.startswith(mark)
         if in_mark or (head == mark and 0 < lines == begin.count(b"\r\n")):
             return "; it was copied as text, which changes bytes (line ends): copy it again in binary mode"
     return ""

@@ -189,8 +189,8 @@ def refuse_unsupported(robot: str | RobotModel, where: Simulated) -> None:
     """
     kind = _kind(robot)
     for option, words in _OPTIONS.items():
-        given = where.payload != 0.0 if option == "payload" else getattr(where, option) is not None
-        if given and option not in kind.options:
+        is_set = where.payload != 0.0 if option == "payload" else getattr(where, option) is not None
+        if is_set and option not in kind.options:
             name = robot if isinstance(robot, str) else robot.name
             having = ", ".join(other.robot for other in (*_RECORDS, _RIGID) if option in other.options)
             raise UnsupportedModelError(f'robot "{name}": has no {words}; {having} have one')
@@ -203,11 +203,11 @@ def spoken_dialect(robot: str, dialect: str | None) -> str:
         dialect: Dialect asked for; the robot's own first one when None.
     """
     own = _kind(robot).dialects
-    found = next((one for one in own if dialect in (None, one)), None)
-    if found is None:
+    match = next((one for one in own if dialect in (None, one)), None)
+    if match is None:
         other = dialect_named(str(dialect))
         raise InputError(f'robot "{robot}": speaks {" or ".join(own)}, not {other.name}, {other.words}')
-    return found
+    return match
 
 
 def _kind(robot: str | RobotModel) -> RobotKind:

@@ -61,8 +61,8 @@ def on_workers(workers: int = 1, cluster: str | None = None) -> Iterator[None]:
     with client:
         versions = set(client.run(_version).values())
         if versions != {__version__}:
-            found = ", ".join(sorted(versions)) or "no worker"
-            raise InputError(f"cluster {cluster}: has {found}, expected workers with catenary {__version__}")
+            running = ", ".join(sorted(versions)) or "no worker"
+            raise InputError(f"cluster {cluster}: has {running}, expected workers with catenary {__version__}")
         with parallel_config("dask", client=client), warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Sending large graph")  # each part takes its recording with it
             yield

@@ -221,26 +221,26 @@ def nameless(count: int) -> tuple[str, ...]:
     return tuple(f"J{i + 1}" for i in range(count))
 
 
-def joint_indices(wanted: Jointed, had: Jointed, *, whose: str, of: str) -> NDArray[np.int64]:
-    """Return the index (n,) of each wanted joint among those of a robot, recording or model, matched by name.
+def joint_indices(target: Jointed, available: Jointed, *, whose: str, of: str) -> NDArray[np.int64]:
+    """Return the index (n,) of each target joint among those of a robot, recording or model, matched by name.
 
     Units are compared if both sides have them.
 
     Args:
-        wanted, had: Joints (names, units) to find, and those to search, which may be more.
+        target, available: Joints (names, units) to find, and those to search, which may be more.
         whose, of: Owner of each for messages: 'recording "run"' has, "the model is for" wants.
     """
-    names = had.joint_names
-    both = f"it has {joints_text(had)}, {of} {joints_text(wanted)}"
-    for name in wanted.joint_names:
+    names = available.joint_names
+    both = f"it has {joints_text(available)}, {of} {joints_text(target)}"
+    for name in target.joint_names:
         if name not in names:
             like = [other for other in names if other.endswith(name) or name.endswith(other)]
             hint = f'; is "{like[0]}" meant? Names must be the same' if len(like) == 1 else ""
             raise InputError(f'{whose} has no joint "{name}"; {both}{hint}')
-    places = [names.index(name) for name in wanted.joint_names]
-    for name, unit, k in zip(wanted.joint_names, wanted.joint_units, places, strict=False):
-        if unit and had.joint_units and had.joint_units[k] != unit:
-            raise InputError(f'{whose} has joint "{name}" in {had.joint_units[k]}, not {unit}; {both}')
+    places = [names.index(name) for name in target.joint_names]
+    for name, unit, k in zip(target.joint_names, target.joint_units, places, strict=False):
+        if unit and available.joint_units and available.joint_units[k] != unit:
+            raise InputError(f'{whose} has joint "{name}" in {available.joint_units[k]}, not {unit}; {both}')
     return np.array(places, dtype=np.int64)
 
 
@@ -323,7 +323,7 @@ class MotionLog(OnScreen):
         object.__setattr__(self, "signals", {key: frozen(values) for key, values in self.signals.items()})
         if self.q_encoder is not None:
             checked = [(x, without_missing(x, 1.0)) for x in self.q_encoder.T]
-            none = [self.ok & np.isnan(found) & ~np.isnan(x) for x, found in checked if found is not x]
+            none = [self.ok & np.isnan(cleaned) & ~np.isnan(x) for x, cleaned in checked if cleaned is not x]
             if np.any(none):
                 gone = np.any(none, axis=0)
                 note = f"q_encoder: {int(gone.sum())} rows hold numbers that mean no measurement, and are not ok"
@@ -367,16 +367,16 @@ class MotionLog(OnScreen):
         signals = {key: values[first:last] for key, values in self.signals.items()}
         return replace(self, **chosen, signals=signals)
 
-    def in_order_of(self, wanted: Jointed, *, of: str) -> "MotionLog":
+    def in_order_of(self, target: Jointed, *, of: str) -> "MotionLog":
         """Return the log with joints in another order, by name or in order for J1, J2, ...; a note states it."""
         whose = f'recording "{self.name}"'
-        if len(self.joint_names) != len(wanted.joint_names):
-            raise InputError(f"{whose} has joints {joints_text(self)}; {of} {joints_text(wanted)}")
-        names, how = tuple(wanted.joint_names), "by name, in the order"
-        had: Jointed = self
+        if len(self.joint_names) != len(target.joint_names):
+            raise InputError(f"{whose} has joints {joints_text(self)}; {of} {joints_text(target)}")
+        names, how = tuple(target.joint_names), "by name, in the order"
+        available: Jointed = self
         if self.joint_names == nameless(len(names)) and not set(self.joint_names) & set(names):
-            had, how = Joints(names, self.joint_units), "without names, in order as"
-        places = joint_indices(wanted, had, whose=whose, of=of)
+            available, how = Joints(names, self.joint_units), "without names, in order as"
+        places = joint_indices(target, available, whose=whose, of=of)
         if self.joint_names == names:
             return self
         arrays = {k: values[:, places] for k in JOINT_ARRAYS if (values := getattr(self, k)) is not None}
@@ -413,19 +413,19 @@ class MotionLog(OnScreen):
         arrays = [array for array in (self.q_nominal, self.q_encoder, self.tau) if array is not None]
         columns = [column for array in arrays for column in array.T]
         factors = np.cumprod(np.full(len(columns), _HASH_FACTOR, dtype=np.uint64))
-        found = np.zeros(len(self), dtype=np.uint64)
+        hashes = np.zeros(len(self), dtype=np.uint64)
         for column, factor in zip(columns, factors, strict=True):
             single = np.nan_to_num(column).clip(-1e38, 1e38).astype(np.float32) + np.float32(0.0)
-            found += single.view(np.uint32) * factor
-        return np.where(self.ok | (self.q_encoder is None), found, np.uint64(0))
+            hashes += single.view(np.uint32) * factor
+        return np.where(self.ok | (self.q_encoder is None), hashes, np.uint64(0))
 
     @cached_property
     def marks(self) -> tuple[str, ...]:
         """Hashes of some rows of each recording in the log, which identify it in any file, also if cut."""
         ends, hashes = sorted({*self.starts, *self.gaps(), len(self)}), self.row_hashes
         rows = [slice(a, b, max(1, min(len(self) // MARKS, (b - a) // _MIN_MARKS))) for a, b in pairwise(ends)]
-        found = dict.fromkeys(f"{mark:x}" for part in rows for mark in hashes[part] if mark)
-        return tuple(found)
+        unique = dict.fromkeys(f"{mark:x}" for part in rows for mark in hashes[part] if mark)
+        return tuple(unique)
 
     @property
     def poses(self) -> tuple[tuple[float, ...], ...]:

@@ -117,11 +117,11 @@ def unit_vector(name: str, vector: ArrayLike, size: int = 3) -> Floats:
         name: The quantity, which opens every message.
         vector, size: Numbers (size,), and their number.
     """
-    given = as_array(name, vector, (size,))
-    largest = float(np.abs(given).max())
+    components = as_array(name, vector, (size,))
+    largest = float(np.abs(components).max())
     if not largest > 0.0:
-        raise InputError(f"{name}: expected non-zero length, got {given}")
-    scaled = given / largest
+        raise InputError(f"{name}: expected non-zero length, got {components}")
+    scaled = components / largest
     return np.asarray(scaled / hypot(*scaled.tolist()))
 
 

@@ -27,7 +27,7 @@ class Table:
     columns: Sequence[Column]
     records: Sequence[Any]
     title: str = ""
-    left: int = 1  # columns that stand to the left; the others to the right
+    left_aligned: int = 1  # number of first columns aligned to the left; the others to the right
 
     @property
     def header(self) -> list[str]:
@@ -48,7 +48,7 @@ class Table:
         lines = [self.title, ""] if self.title else []
         for row in (*names, ["-" * width for width in widths], *cells):
             placed = [
-                cell.ljust(width) if i < self.left else cell.rjust(width)
+                cell.ljust(width) if i < self.left_aligned else cell.rjust(width)
                 for i, (cell, width) in enumerate(zip(row, widths, strict=True))
             ]
             lines.append(f"  {'  '.join(placed)}".rstrip())
@@ -66,7 +66,7 @@ class Table:
     def latex(self) -> str:
         """Return the table for LaTeX with the package booktabs."""
         rows = [f"{' & '.join(map(_tex, row))} \\\\" for row in (self.header, *self.rows)]
-        sides = "l" * self.left + "r" * (len(self.columns) - self.left)
+        sides = "l" * self.left_aligned + "r" * (len(self.columns) - self.left_aligned)
         lines = [f"\\begin{{tabular}}{{{sides}}}", r"\toprule", rows[0], r"\midrule", *rows[1:], r"\bottomrule"]
         return "\n".join([*lines, r"\end{tabular}"])
 

@@ -4,7 +4,7 @@ import pytest
 
 from oracles.sweep_cases import quick, summed
 from papers.experiment import Outcomes
-from papers.kit import Missing, by_robot, cells, grid, rows, sample, table, told, unless_missing
+from papers.kit import Missing, as_text, by_robot, cells, grid, rows, sample, table, unless_missing
 
 CASES = grid(quick, {"folder": ("a", "b"), "number": (1, 2)})
 OUTCOMES = Outcomes({
@@ -20,7 +20,7 @@ def test_a_sample_tells_mean_and_spread_and_joint_by_joint() -> None:
     assert f"{by_robot([3.0])}" == "3.000"  # one robot has no spread
     assert f"{by_robot([1.0, 1.2, 9.8]):.1m}" == "1.2 (mean 4.0 ± 5.0)"
     assert cells(found, 0) == ["2 ± 1", "2 ± 0", "4 ± 0"]
-    assert told({"a": found[:, 1], "b": found[:, 2]}, ".0f", " deg") == "a 2 ± 0 deg, b 4 ± 0 deg"
+    assert as_text({"a": found[:, 1], "b": found[:, 2]}, ".0f", " deg") == "a 2 ± 0 deg, b 4 ± 0 deg"
 
 
 def test_what_has_not_run_is_missing_and_left_out_of_tables_and_remarks() -> None:

@@ -140,7 +140,7 @@ def test_committed_claims_are_those_that_the_experiment_makes_and_an_older_crite
     assert all(len(row) == len(table["header"]) for table in content["tables"] for row in table["rows"])
     assert len(content["pictures"]) == len(list(pages.PICTURES.glob(f"{name}-[0-9].svg")))
     assert kept <= set(made), f"a claim has changed since it was judged: judge {name} again, then publish"
-    told = pages.as_told_today(content)
+    told = pages.with_current_claims(content)
     assert [(claim["says"], claim["place"], claim["published"]) for claim in told["claims"]] == made
     marked = any(claim["older"] for claim in told["claims"])
     assert marked == (pages.OLDER in page_of(told))
@@ -162,7 +162,7 @@ def test_reasons_and_what_was_fitted_are_as_the_experiment_says_today(monkeypatc
     claims = [replace(claim, why=f"since {n}", fitted=n == 0, criterion=f"{n}") for n, claim in enumerate(one.claims)]
     monkeypatch.setattr(pages, "experiment", lambda _: replace(one, claims=claims))
     judged = [{"says": claim.says, "why": "before", "criterion": "1", "verdict": "reproduced"} for claim in claims[1:]]
-    told = pages.as_told_today({"name": one.name, "claims": judged})["claims"]
+    told = pages.with_current_claims({"name": one.name, "claims": judged})["claims"]
     assert [(each["says"], each["why"], each["fitted"], each["older"], each["verdict"]) for each in told] == [
         (claim.says, claim.why, claim.fitted, n > 1, "reproduced" if n else "not measured")
         for n, claim in enumerate(claims)

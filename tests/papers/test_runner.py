@@ -63,10 +63,10 @@ def test_a_case_that_raises_is_kept_as_a_failure_and_the_others_end(store: Store
     bad = [failing.case(number=7, folder=str(begun)), not_plain.case(number=8, folder=str(begun))]
     good = sums(begun, 2)
     told: list[tuple[Case, Finished | Failure]] = []
-    failures = run_cases([bad[0], good[0], bad[1], good[1]], store, told=lambda *ended: told.append(ended))
+    failures = run_cases([bad[0], good[0], bad[1], good[1]], store, report=lambda *ended: told.append(ended))
     assert [failure.case for failure in failures] == bad
-    assert "case 7 cannot be" in failures[0].told
-    assert "not JSON serializable" in failures[1].told
+    assert "case 7 cannot be" in failures[0].text
+    assert "not JSON serializable" in failures[1].text
     assert len(results(store, good)) == 2
     assert [case for case, _ in told] == [bad[0], good[0], bad[1], good[1]]
     kept = {path.stem: path.read_text() for path in store.failures.iterdir()}
@@ -84,7 +84,7 @@ def test_an_interrupted_sweep_goes_on_where_it_was_and_runs_nothing_twice(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_cases(cases, store, told=stop_at_the_third)
+        run_cases(cases, store, report=stop_at_the_third)
     assert [calls(begun, k) for k in range(5)] == [1, 1, 1, 0, 0]
     assert run_cases(cases, Store(tmp_path / "out")) == []
     assert [calls(begun, k) for k in range(5)] == [1] * 5
@@ -146,7 +146,7 @@ def test_a_cluster_by_address_gives_the_same_and_two_hundred_cases_tell_their_pr
         told.append(case)
         partial.append(len(list(there.folder.iterdir())))  # results are there as cases end, not after all of them
 
-    assert run_cases(many, there, cluster=cluster.scheduler_address, told=count) == []
+    assert run_cases(many, there, cluster=cluster.scheduler_address, report=count) == []
     assert set(told) == set(many)
     assert partial == list(range(5, 205))
     assert all(calls(begun, case.arguments["number"]) == 1 for case in many)
@@ -159,7 +159,7 @@ def test_killed_workers_cost_no_case_but_those_that_kill_again(store: Store, tmp
     others = [summed.case(number=k, folder=str(begun), size=1000) for k in range(6)]  # long enough to be there
     failures = run_cases([always[0], *others[:3], always[1], once, *others[3:]], store, workers=2)
     assert {failure.case for failure in failures} == set(always)
-    assert all("KilledWorker" in failure.told for failure in failures)
+    assert all("KilledWorker" in failure.text for failure in failures)
     assert (calls(begun, 101), calls(begun, 102)) == (2, 2)
     here = Store(tmp_path / "here")
     run_cases(others, here)

@@ -58,7 +58,7 @@ def test_an_arm_that_is_not_homed_is_not_moved() -> None:
 
 def test_the_other_arm_servoes_meanwhile() -> None:
     arms = [homed_plant(side, robot=ROBOTS[1]) for side in ("left", "right")]
-    log = record_simulated(arms[0], motion(), "run", np.random.default_rng(0), columns=("all",), beside=arms[1])
+    log = record_simulated(arms[0], motion(), "run", np.random.default_rng(0), columns=("all",), other_arm=arms[1])
     held = [values for name, values in log.signals.items() if name.startswith("green_tau:") and "unused" not in name]
     assert len(held) == 7
     assert all(values.any() for values in held)  # it holds its weight and its tool

@@ -99,8 +99,8 @@ def identified(logs: Sequence[MotionLog], stiffness: Floats | None = None) -> Jo
         )
     load, qd, qdd, torque, error = (np.concatenate(part) for part in zip(*parts, strict=True))
     lower, upper = (SOFTEST, STIFFEST) if stiffness is None else (stiffness, stiffness)
-    rest = torque - load - inertia * qdd
-    frictions = [_friction(rest[:, j], qd[:, j]) for j in range(3)]
+    friction_torque = torque - load - inertia * qdd
+    frictions = [_friction(friction_torque[:, j], qd[:, j]) for j in range(3)]
     stretches = [_stretch(error[:, j], load[:, j], qd[:, j], lower[j], upper[j]) for j in range(3)]
     friction, noise = np.array(frictions).T
     k, slip, offset = np.array(stretches).T
@@ -118,11 +118,11 @@ def identified(logs: Sequence[MotionLog], stiffness: Floats | None = None) -> Jo
     )
 
 
-def _friction(rest: Floats, qd: Floats) -> tuple[float, float]:
+def _friction(torque: Floats, qd: Floats) -> tuple[float, float]:
     """Return Coulomb friction and what it leaves of a torque (N,), as a standard deviation."""
-    columns = np.column_stack((np.sign(qd), np.ones(len(rest))))
-    found = lsq_linear(columns, rest, ([0.0, -np.inf], [np.inf, np.inf])).x
-    return float(found[0]), float(np.std(rest - columns @ found))
+    columns = np.column_stack((np.sign(qd), np.ones(len(torque))))
+    solution = lsq_linear(columns, torque, ([0.0, -np.inf], [np.inf, np.inf])).x
+    return float(solution[0]), float(np.std(torque - columns @ solution))
 
 
 def _stretch(error: Floats, load: Floats, qd: Floats, softest: float, stiffest: float) -> tuple[float, float, float]:
@@ -199,8 +199,8 @@ def run_filter(drive: Drive, joints: Joints, counts: np.ndarray, x: Floats, P: F
             span = STEP * counts[row]
             for j in range(MEASURED):
                 for place, light in ((j, 1.0 / joints.motor_inertia[j]), (3 + j, inverse[j, j])):
-                    most = joints.torque_noise[j] * light * span
-                    noise[6 + place], noise[place] = most**2, (0.5 * most * span) ** 2
+                    velocity_noise = joints.torque_noise[j] * light * span
+                    noise[6 + place], noise[place] = velocity_noise**2, (0.5 * velocity_noise * span) ** 2
             for i in range(STATES):
                 x[i] = np.mean(points[:, i])
             for i in range(STATES):

@@ -32,8 +32,8 @@ class GaussianProcess:
     def correction(self, rows: Rows, at: Places | None = None) -> Floats:
         """Return what to add to the reported positions of every row, or of rows `at`, (N, n) [rad|m]."""
         Z = (_inputs(rows)[slice(None) if at is None else at] - self.mean) / self.scale
-        told: Floats = np.column_stack([each.predict(Z) for each in self.processes])
-        return self.out_mean + self.out_scale * told
+        scaled: Floats = np.column_stack([each.predict(Z) for each in self.processes])
+        return self.out_mean + self.out_scale * scaled
 
 
 def fit_gaussian_process(rows: Rows, *, seed: int, carried: int = CARRIED, chosen: int = CHOSEN) -> GaussianProcess:
@@ -48,7 +48,7 @@ def fit_gaussian_process(rows: Rows, *, seed: int, carried: int = CARRIED, chose
     mean, scale = standardisation(X)
     out_mean, out_scale = standardisation(Y)
     drawn = rng.permutation(len(which))[:carried]
-    Z, wanted = ((X - mean) / scale)[drawn], ((Y - out_mean) / out_scale)[drawn]
+    Z, target = ((X - mean) / scale)[drawn], ((Y - out_mean) / out_scale)[drawn]
     kernel = ConstantKernel(1.0, (1e-2, 1e3)) * RBF(
         np.full(Z.shape[1], 3.0), (SMALLEST_LENGTH, LARGEST_LENGTH)
     ) + WhiteKernel(0.05, (1e-5, 1.0))
@@ -56,9 +56,9 @@ def fit_gaussian_process(rows: Rows, *, seed: int, carried: int = CARRIED, chose
     for j in range(Y.shape[1]):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)  # a length at its bound: the input tells nothing
-            likely = GaussianProcessRegressor(kernel, alpha=1e-8).fit(Z[:chosen], wanted[:chosen, j])
+            likely = GaussianProcessRegressor(kernel, alpha=1e-8).fit(Z[:chosen], target[:chosen, j])
         process = GaussianProcessRegressor(likely.kernel_, alpha=1e-8, optimizer=None)
-        processes.append(process.fit(Z, wanted[:, j]))
+        processes.append(process.fit(Z, target[:, j]))
     return GaussianProcess(tuple(processes), mean, scale, out_mean, out_scale)
 
 

@@ -148,11 +148,11 @@ def fit_recurrent(
     out_mean, out_scale = standardisation(rows.error[which])
     network = Lstm.drawn(rows.inputs.shape[1], units, rows.error.shape[1], rng, np.float32)
     model = Recurrent(network, mean, scale, out_mean, out_scale, previous, spacing)
-    wanted = ((rows.error - out_mean) / out_scale).astype(np.float32)
+    target = ((rows.error - out_mean) / out_scale).astype(np.float32)
     adam = Adam(network.parameters)
     with threadpool_limits(limits=1):
         for _ in range(iterations):
             batch = rng.choice(which, min(BATCH, len(which)), replace=False)
-            slopes = network.gradient(model.sequences(rows, batch), wanted[batch])
+            slopes = network.gradient(model.sequences(rows, batch), target[batch])
             adam.step(network.parameters, slopes, RATE)
     return model

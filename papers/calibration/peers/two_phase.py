@@ -30,8 +30,8 @@ class TwoPhase:
     def correction(self, rows: Rows, at: Places | None = None) -> Floats:
         """Return what to add to the reported positions of every row, or of rows `at`, (N, n) [rad|m]."""
         X = rows.inputs if at is None else np.ascontiguousarray(rows.inputs[at])
-        rest = np.asarray(self.forest.predict(X)).reshape(len(X), -1)
-        corrected: Floats = self.network.predict(X) + self.scale * rest
+        residual = np.asarray(self.forest.predict(X)).reshape(len(X), -1)
+        corrected: Floats = self.network.predict(X) + self.scale * residual
         return corrected
 
 
@@ -42,9 +42,9 @@ def fit_two_phase(rows: Rows, *, seed: int, settings: NetworkSettings = PAPER, t
     which = np.flatnonzero(rows.known)
     X, Y = np.ascontiguousarray(rows.inputs[which]), rows.error[which]
     network = fit_neural(X, Y, settings, seed=seed)
-    rest = Y - network.predict(X)
-    scale = standardisation(rest)[1]  # rad and m would not count alike in a split
+    residual = Y - network.predict(X)
+    scale = standardisation(residual)[1]  # rad and m would not count alike in a split
     forest = RandomForestRegressor(
         trees, min_samples_leaf=LEAF, max_samples=min(ROWS_OF_A_TREE, len(X)), random_state=seed, n_jobs=1
     )
-    return TwoPhase(network, forest.fit(X, rest / scale), scale)
+    return TwoPhase(network, forest.fit(X, residual / scale), scale)

@@ -38,16 +38,16 @@ def check(
 
     with without_notes(True):  # what is doubtful is among the faults below
         typed = recordings.typed(robot)
-        found = check_file(file, recordings.reading(robot), robot=robot, max_error=max_error, typed=typed)
+        report = check_file(file, recordings.reading(robot), robot=robot, max_error=max_error, typed=typed)
     if picture is not None:
-        if found.draw is None:
+        if report.draw is None:
             raise InputError("--picture: is of a recording with measured joint positions")
-        write_picture(found.draw(), picture, PICTURE.endings)
-    joints = None if found.joints is None else found.joints.text().rstrip()
-    facts = [("remark:", text) for text in found.shown_remarks] + [("WRONG:", text) for text in found.faults]
-    facts += [("verdict", found.verdict), *([("next", found.next)] if found.next else [])]
-    print_result(found.as_data(), f"{file}: {found.kind}", list(found.lines), joints, facts)
-    if found.faults:
+        write_picture(report.draw(), picture, PICTURE.endings)
+    joints = None if report.joints is None else report.joints.text().rstrip()
+    facts = [("remark:", text) for text in report.shown_remarks] + [("WRONG:", text) for text in report.faults]
+    facts += [("verdict", report.verdict), *([("next", report.next)] if report.next else [])]
+    print_result(report.as_data(), f"{file}: {report.kind}", list(report.lines), joints, facts)
+    if report.faults:
         raise typer.Exit(FAULT_FOUND)
 
 
@@ -64,13 +64,13 @@ def recover(
     """
     from catenary.workflows.recover import recover as recover_recording
 
-    found = recover_recording(recording, out)
+    recovered = recover_recording(recording, out)
     columns: list[Column] = ["topic", "kept", ("lost, about", "lost"), ("without messages [s]", "seconds:.2f")]
-    table = Table(columns, found.rescue.topics, f"{recording}: {found.rescue.seconds:.1f} s")
+    table = Table(columns, recovered.rescue.topics, f"{recording}: {recovered.rescue.seconds:.1f} s")
     lines = ["whole: nothing to recover, nothing written"]
-    if found.written is not None:
-        lines = [*found.rescue.stretches(), f"written: {found.written}"]
-    print_result(found.as_data(), table, *lines, notes=found.problems)
+    if recovered.written is not None:
+        lines = [*recovered.rescue.stretches(), f"written: {recovered.written}"]
+    print_result(recovered.as_data(), table, *lines, notes=recovered.problems)
 
 
 def export(

@@ -86,9 +86,9 @@ class ModelOptions:
         "Joints that friction couples, such as J5,J6. [default: found in the recordings]",
         read=lambda text: () if text == "off" else words(text),
     )
-    ridge: float | None = option("R", "Weight on the squared coefficients. [default: by the model's kind]", least=0.0)
+    ridge: float | None = option("R", "Weight on the squared coefficients. [default: by the model's kind]", min=0.0)
     held_out: float | None = option("SHARE", "Keep the last part of each recording, this share of it, for a test.")
-    folds: int = option("N", "Blocks of the cross-validation; 0 for none.", 5, least=0)
+    folds: int = option("N", "Blocks of the cross-validation; 0 for none.", 5, min=0)
     coverage: float = option("SHARE", "Share of errors that the intervals hold.", 0.9)
     max_error: Numbers | None = MAX_ERROR
     instrument: str | None = option("NAME", "For the card: the arm's instrument, e.g. its serial number.")
@@ -122,9 +122,9 @@ def fit(
     data: Sequence[Path] = RECORDINGS,
     out: Path = option("MODEL", f"Model to write, e.g. arm.npz. {NAMED_AS_TYPED}", REQUIRED, writes=MODEL),
     robot: str | None = ROBOT_OF_DATA,
-    seed: int = option("N", "Seed of all randomness.", 0, least=0, most=_MAX_SEED),
+    seed: int = option("N", "Seed of all randomness.", 0, min=0, max=_MAX_SEED),
     accept: Sequence[str] = ACCEPT,
-    workers: int = option("N", "Processes that read and fit side by side.", 1, least=1),
+    workers: int = option("N", "Processes that read and fit side by side.", 1, min=1),
     cluster: str | None = option("ADDRESS", "Dask scheduler to use instead, e.g. tcp://HOST:8786."),
     report: Path | None = REPORT,
 ) -> None:
@@ -255,16 +255,16 @@ def drift(
     if all(path.suffix == ".json" or (path.is_file() and MODEL.is_one(path)) for path in held.data):
         if held != HeldModel(**values_of(held, "model", "data", "report")):
             raise InputError("drift: options of recordings do not go with models and cards")
-        found, notes = card_history([held.model, *held.data], factor), list[str]()
+        result, notes = card_history([held.model, *held.data], factor), list[str]()
     else:
-        found, notes = held.against().drift(factor)
-    since = "\n".join(since_in_words(found)) or "no joint is beyond at the end"
-    lines = f"beyond: {found.judged_by}", since
-    print_result(drift_summary(found, notes), *drift_tables(found), *lines, notes=notes)
+        result, notes = held.against().drift(factor)
+    since = "\n".join(since_in_words(result)) or "no joint is beyond at the end"
+    lines = f"beyond: {result.judged_by}", since
+    print_result(drift_summary(result, notes), *drift_tables(result), *lines, notes=notes)
     if held.report is not None:
-        write_drift_report(held.report, found, model=held.model.name, notes=notes)
+        write_drift_report(held.report, result, model=held.model.name, notes=notes)
         print_page(held.report)
-    if any(first is not None for first in found.since):
+    if any(first is not None for first in result.since):
         raise typer.Exit(FAULT_FOUND)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 import catenary
-from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, GivenGravity, SensingOptions
+from catenary.cli.gravity_options import BASE_TILT, LEVEL_BASE, GravityOptions, SensingOptions
 from catenary.cli.options import REPORT, Names, Numbers, Triple, argument, group, numbers, option, values_of
 from catenary.cli.robot_options import (
     ROBOT,
@@ -52,7 +52,7 @@ class Conditions:
     heave: Sequence[str] = option(_WAVE, "Accelerate the base up and down, with a phase; repeatable.")
     surge: Sequence[str] = option(_WAVE, "The same along the world's x axis.")
     sway: Sequence[str] = option(_WAVE, "The same along the world's y axis.")
-    payload: float = option("KG", "Mass at the tool's wrist, unknown to the model.", 0.0, least=0.0)
+    payload: float = option("KG", "Mass at the tool's wrist, unknown to the model.", 0.0, min=0.0)
     kp: Numbers | None = option("K,K,...", "Stiffness of PD in Nm/rad and N/m: one number, or one a joint.")
     kd: Numbers | None = option("K,K,...", "Damping of PD in Nms/rad and Ns/m, likewise.")
     friction: Numbers | None = option("F,F,...", "Coulomb friction in Nm and N; RAVENs use their cables'.")
@@ -64,8 +64,8 @@ class Conditions:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, for the JSON and the page."""
-        given = {name: value for name, value in vars(self).items() if value not in (None, False, ())}
-        return given | {"base_tilt_deg": self.base_tilt_deg or LEVEL_BASE, "payload": self.payload, "seed": self.seed}
+        stated = {name: value for name, value in vars(self).items() if value not in (None, False, ())}
+        return stated | {"base_tilt_deg": self.base_tilt_deg or LEVEL_BASE, "payload": self.payload, "seed": self.seed}
 
     def base(self) -> "MovingBase":
         """Return the motion of the base that the arm stands on."""
@@ -89,8 +89,8 @@ class Conditions:
 
     def gravity(self, arm: "SimulatedArm", sensing: SensingOptions) -> "SensedGravity | None":
         """Return a simulated unit on the base as a source of gravity; None where gravity is as it truly is."""
-        asked = self.simulated_imu or self.sensor_bias is not None or self.imu_frame is not None
-        if not asked and sensing == SensingOptions():
+        is_sensed = self.simulated_imu or self.sensor_bias is not None or self.imu_frame is not None
+        if not is_sensed and sensing == SensingOptions():
             return None
         from catenary.workflows.gravity_trials import base_sensor
 
@@ -106,14 +106,14 @@ def _wave(option: str, text: str, axis: str | None = None) -> "Wave":
     """Read amplitude, frequency and phase of a motion along an axis, or of a rocking motion (AXIS,DEG,HZ)."""
     from catenary.simulation.base_motion import Wave
 
-    unit, rest = 1.0, text
+    unit, amounts = 1.0, text
     if axis is None:
-        axis, _, rest = (part.strip() for part in text.partition(","))
+        axis, _, amounts = (part.strip() for part in text.partition(","))
         unit = math.radians(1.0)
         if axis not in _AXES:
             raise InputError(f'{option} "{text}": expected AXIS,DEG,HZ with axis x, y or z, as x,8,0.1')
     try:
-        values = numbers(rest)
+        values = numbers(amounts)
     except typer.BadParameter as error:
         raise InputError(f"{option}: {error.message}") from None
     if not all(map(math.isfinite, values)):
@@ -127,7 +127,7 @@ def _wave(option: str, text: str, axis: str | None = None) -> "Wave":
 
 
 def gravity(
-    given: GivenGravity,
+    stated: GravityOptions,
     loaded: LoadedOptions,
     joints: JointOptions,
     robot: str = ROBOT,
@@ -160,11 +160,11 @@ def gravity(
         arm = closed = loaded.load_closed(robot)
         model, held = closed.opened, closed.gravity_torque
     model.require_masses()
-    gravity = given.gravity_of(model)
+    gravity = stated.gravity_of(model)
     if latex:
         from catenary.gravity.compact_regressor import gravity_latex
 
-        print_notes([*given.doubts(gravity), *mass_doubts(model)])
+        print_notes([*stated.doubts(gravity), *mass_doubts(model)])
         print(gravity_latex(model, gravity))
         return
     vendor_says = None
@@ -176,9 +176,9 @@ def gravity(
     units = [TORQUE_UNIT[unit] for unit in arm.joint_units]
     open_to = unseen_torque(model, values, gravity) if arm is model else np.zeros(arm.n)
     print_notes(
-        [*beyond_limits(arm, values), *given.doubts(gravity), *mass_doubts(model), *_unseen(arm, model, open_to)]
+        [*beyond_limits(arm, values), *stated.doubts(gravity), *mass_doubts(model), *_unseen(arm, model, open_to)]
     )
-    found = {
+    content = {
         "robot": arm.name, "joints": arm.joint_names, "q": list(values), "gravity": gravity, "tau": torques,
         "unit": units, "level": on_level, "unseen": open_to.tolist(),
         "delta": held(values, gravity - LEVEL),  # for firmware that knows a level base only
@@ -191,7 +191,7 @@ def gravity(
     rows = list(zip(arm.joint_names, torques, on_level, apart, units, strict=True))
     title = f"{arm.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
     command_line = None if vendor_says is None else f"{vendor}: {vendor_says['command'] or 'no command'}"
-    print_result(found, Table(columns, rows, title), command_line)
+    print_result(content, Table(columns, rows, title), command_line)
     if vendor_says is not None and not prints_json():
         print_notes([f"{vendor}: {vendor_says['limits']}"])
 
@@ -216,9 +216,9 @@ class FollowedMotion:
     """Options of the motion that is followed."""
 
     motion: str = option("cartesian|random|poses", "Sinusoids of the tip, random, or rests of joint 1.", "cartesian")
-    amplitude_mm: float = option("A", "Amplitude of the sinusoids.", 78.74, least=0.0)
+    amplitude_mm: float = option("A", "Amplitude of the sinusoids.", 78.74, min=0.0)
     axes: Names = option("A,A,...", "Base axes that the sinusoids run along.", ("x", "y", "z"))
-    seconds: float = option("S", "Length of the random motion.", 20.0, least=2.0)
+    seconds: float = option("S", "Length of the random motion.", 20.0, min=2.0)
 
 
 def track(
@@ -252,16 +252,16 @@ def track(
     law = make_controller(controller, arm, damping=damping)  # type: ignore[arg-type]  # refuses what it does not know
     chosen = make_motion(
         followed.motion, arm.model, arm.plant, np.random.default_rng(conditions.seed or 0),
-        q_start=joints.given(arm.model), amplitude=followed.amplitude_mm / 1000.0,
+        q_start=joints.or_none(arm.model), amplitude=followed.amplitude_mm / 1000.0,
         axes=followed.axes, seconds=followed.seconds,
     )  # fmt: skip
-    source, felt = conditions.gravity(arm, sensing), arm.plant.measured_js().gravity
+    source, base_gravity = conditions.gravity(arm, sensing), arm.plant.measured_js().gravity
     result = run(arm, law, chosen.trajectory, windows=chosen.windows, gravity=source)
     settings = {"robot": robot, "controller": controller, "motion": followed.motion, "damping": damping}
     title = f"{robot} (simulated), controller {controller}, {followed.motion}"
     times = np.linspace(0.0, chosen.trajectory.duration, _SHOWN_POSES)
     poses = np.array([chosen.trajectory(time).q for time in times])
-    shown = arm.model, poses, felt, "at the beginning of the motion, and at times along it"
+    shown = arm.model, poses, base_gravity, "at the beginning of the motion, and at times along it"
     _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, shown)
 
 
@@ -286,10 +286,10 @@ def hold(
     from catenary.workflows.gravity_trials import hold_arm as run
 
     arm = conditions.arm(robot, description)
-    law, pose = make_controller(controller, arm, among=HOLDS), joints.given(arm.model)
+    law, pose = make_controller(controller, arm, among=HOLDS), joints.or_none(arm.model)
     if pose is None:
         pose = start_pose(arm.model, arm.plant, HOLD_START)
-    felt = arm.plant.measured_js().gravity
+    base_gravity = arm.plant.measured_js().gravity
     result = run(arm, law, pose, seconds, gravity=conditions.gravity(arm, sensing), calibrated=calibrated)
     joints_off = [
         joint for joint in result.as_data()["joints"] if not calibrated and joint["reported_off"] > _NOTED_OFFSET
@@ -302,7 +302,7 @@ def hold(
         ])  # fmt: skip
     settings = {"robot": robot, "controller": controller, "calibrated": calibrated}
     title = f"{robot} (simulated), held by {controller} for {seconds:g} s"
-    shown = arm.model, result.q_true[[0, -1]], felt, "where it was put, and, paler, at the end"
+    shown = arm.model, result.q_true[[0, -1]], base_gravity, "where it was put, and, paler, at the end"
     _conclude(title, result, settings | conditions.as_data() | sensing.as_data(), report, shown)
 
 
@@ -318,9 +318,9 @@ def _conclude(
     if report is not None:
         from catenary.reports.robot_plot import robot_picture
 
-        model, poses, felt, when = shown
+        model, poses, base_gravity, when = shown
         caption = f"The arm {when}, under gravity as its base felt it when it was homed; bars by the model's masses."
-        write_gravity_report(report, result, settings, arm=robot_picture(model, poses, caption, gravity=felt))
+        write_gravity_report(report, result, settings, arm=robot_picture(model, poses, caption, gravity=base_gravity))
     gravity = None if result.gravity is None else str(result.gravity)
     page = None if report is None else f"page:  {report}"
     print_result({**settings, **result.as_data()}, gravity_table(result, title), gravity, page)

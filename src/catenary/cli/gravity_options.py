@@ -60,7 +60,7 @@ class StatedGravity:
 
 
 @group
-class GivenGravity(StatedGravity):
+class GravityOptions(StatedGravity):
     """The same by the base's tilt too, and by a sensor's place on the robot."""
 
     base_tilt_deg: tuple[float, float] | None = BASE_TILT
@@ -148,7 +148,7 @@ class SensingOptions:
     """Options of every command that turns samples of a sensor into gravity."""
 
     mounting_on: str = option("|".join(BASES), "Platform type: sets fault thresholds and settling times.", "table")
-    sensor_noise: float | None = option("M/S2", "Noise of an axis of a simulated sensor. [default: 0.04]", least=0.0)
+    sensor_noise: float | None = option("M/S2", "Noise of an axis of a simulated sensor. [default: 0.04]", min=0.0)
     hanging: bool = option(None, "The base may hang upside down.", False)
     fallback: str = option(
         "|".join(FALLBACKS), f"When samples stop, gravity: {'; '.join(map(str, FALLBACKS.values()))}.", "fade"

@@ -67,14 +67,14 @@ class IdentificationOptions:
         from catenary.identification.identify_options import IdentifyOptions
 
         named = self.friction if self.friction != ("none",) else ()
-        asked: dict[str, Any] = values_of(
+        options: dict[str, Any] = values_of(
             self, "terms", "cutoff_hz", "weighting", "consistent", "prior", "rotors", "blocks"
         )
         if self.base_sensor is not None:
-            asked["base_sensor"] = self.base_sensor
+            options["base_sensor"] = self.base_sensor
         return IdentifyOptions(
             gravity=cast(Any, tuple(gravity.tolist())), find_rotors=not self.no_rotors,
-            friction=FRICTION_PARTS if named is None else named, **asked,
+            friction=FRICTION_PARTS if named is None else named, **options,
         )  # fmt: skip
 
 
@@ -114,21 +114,21 @@ def identify(
     result = identify_files(
         data, robot, options, tests=test, reading=reading, load=load, payload=body, joints=joints, accept=accept
     )
-    found = result.identification
-    save_identification(found, result.card, out)
+    identified = result.identification
+    save_identification(identified, result.card, out)
     if urdf is not None:
         from catenary.robots.urdf_export import write_urdf
 
-        write_urdf(found.robot(), urdf)
+        write_urdf(identified.robot(), urdf)
     content = {**result.summary(), "file": str(out), "card": str(card_path(out))}
-    tables = found.residual_table, absolute_table(found), mass_table(found), rotor_table(found)
-    lines = [f"{name}: {text}" for name, text in excitation_facts(found)[:2]]
+    tables = identified.residual_table, absolute_table(identified), mass_table(identified), rotor_table(identified)
+    lines = [f"{name}: {text}" for name, text in excitation_facts(identified)[:2]]
     print_result(content, *tables, *lines, f"parameters: {out}\ncard:  {card_path(out)}", notes=result.notes)
     if report is not None:  # last: whatever goes wrong with it, the parameters are there
         from catenary.reports.identification import write_identification_report
 
         shown = result.tests or result.training
-        write_identification_report(report, found, result.card, shown, notes=result.notes)
+        write_identification_report(report, identified, result.card, shown, notes=result.notes)
         print_page(report)
 
 
@@ -229,10 +229,10 @@ def payload(
         parts.append(f"if it is on {best.link}:")
     if best.beside and (best.detected or at is not None):
         parts.append(f"beside it: {best.beside}")
-    is_found = best.detected or at is not None
-    if best.mass is not None and is_found:
+    has_load = best.detected or at is not None
+    if best.mass is not None and has_load:
         parts.append(f"mass: {1000 * best.mass:.1f} g, standard deviation {1000 * (best.mass_std or 0.0):.1f} g")
-    if best.moment is not None and best.moment_std is not None and is_found:
+    if best.moment is not None and best.moment_std is not None and has_load:
         moment, off = (", ".join(f"{v:.4f}" for v in values) for values in (best.moment, best.moment_std))
         parts.append(f"mass times place in {best.link}: {moment} kg m, standard deviations {off}")
     if result.candidates:
@@ -246,20 +246,20 @@ def _external(data: Sequence[Path], model: Path, out: Path, **how: Any) -> None:
 
     if len(data) != 1:
         raise InputError(f"--external: expected one recording, got {len(data)}")
-    found = external_torques_of_file(data[0], model, **how)
-    found.write(out)
+    loads = external_torques_of_file(data[0], model, **how)
+    loads.write(out)
     columns: list[Column] = ["joint", ("largest", "largest:.3g"), ("at [s]", "time:.2f")]
     columns += [("95 % within", "half_width:.3g"), "unit", ("beyond", "beyond:.1f %")]
-    title = f"External torques in {found.log}; 5 % lie beyond where nothing touches"
+    title = f"External torques in {loads.log}; 5 % lie beyond where nothing touches"
     lines = []
-    if (strongest := found.strongest()) is not None:
+    if (strongest := loads.strongest()) is not None:
         numbers = [f"{v:.2f} ± {w:.2f}" for v, w in zip(strongest["wrench"], strongest["half_width"], strict=True)]
         lines += [
-            f"largest force on {found.model.tip}: {', '.join(numbers[:3])} N in base axes at {strongest['time']:.2f} s",
+            f"largest force on {loads.model.tip}: {', '.join(numbers[:3])} N in base axes at {strongest['time']:.2f} s",
             f"moment then: {', '.join(numbers[3:])} Nm",
         ]
-    content = {**found.summary(), "file": str(out)}
-    print_result(content, Table(columns, found.joints, title), *lines, f"rows: {out}", notes=found.notes)
+    content = {**loads.summary(), "file": str(out)}
+    print_result(content, Table(columns, loads.joints, title), *lines, f"rows: {out}", notes=loads.notes)
 
 
 def _wrist_tool(data: Sequence[Path], wrist: WristSensor, accept: Sequence[str]) -> None:
@@ -283,11 +283,11 @@ def _wrist_tool(data: Sequence[Path], wrist: WristSensor, accept: Sequence[str])
     for name, values, deviations, unit in rows:
         shown, off = (", ".join(f"{v:.4f}" for v in row) for row in (values, deviations))
         facts.append((name, f"{shown} {unit}, standard deviations {off}"))
-    left = ("left", f"{tool.force_rms:.4f} N, {tool.torque_rms:.4f} Nm RMS")
+    residual = ("left", f"{tool.force_rms:.4f} N, {tool.torque_rms:.4f} Nm RMS")
     counted = "what holds the tool" if tool.sign < 0.0 else "the load"
     turned = degrees(hypot(*rotation_vector(tool.rotation)))
     axes = ("sensor", f"counts {counted}, in axes turned by {turned:.1f} deg from {tool.frame}")
-    print_result(asdict(tool) | {"notes": notes}, [*facts, left, axes], notes=notes)
+    print_result(asdict(tool) | {"notes": notes}, [*facts, residual, axes], notes=notes)
 
 
 Touching = tuple[str, str]
@@ -358,11 +358,11 @@ class LimitOptions:
 class DesignOptions:
     """Options of the motion or the poses that are designed."""
 
-    static: int | None = option("N", "N poses to hold, in place of one period of a Fourier motion.", least=1)
+    static: int | None = option("N", "N poses to hold, in place of one period of a Fourier motion.", min=1)
     period: float = option("S", "Period of the motion.", 10.0, flag="--period-s")
     harmonics: int = option("N", "Harmonics of the motion, 3 or more.", 5)
     rate: float = option("F", "Rows of the motion per second.", 200.0, flag="--rate-hz")
-    trials: int = option("N", "Motions to choose from; more trials find a better one.", 300, least=1)
+    trials: int = option("N", "Motions to choose from; more trials find a better one.", 300, min=1)
 
 
 def excitation(
@@ -379,7 +379,7 @@ def excitation(
         "FILE", "Also write a ROS JointTrajectory, .json or .yaml.", writes=TRAJECTORY, not_with="static"
     ),
     ros: int = option("1|2", "ROS that --trajectory is for.", 2, goes_with="trajectory"),
-    seed: int = option("N", "Seed of everything random.", 0, least=0),
+    seed: int = option("N", "Seed of everything random.", 0, min=0),
 ) -> None:
     """Design a motion to identify an arm; moves nothing.
 
@@ -393,10 +393,10 @@ def excitation(
     from catenary.workflows.excitation import design_excitation, write_motion, write_trajectory
 
     model = loaded.load(robot)
-    given = {name: values for name, values in vars(limits).items() if values is not None}
+    stated = {name: values for name, values in vars(limits).items() if values is not None}
     if motion.static is not None:  # poses are held: how fast they are reached is the robot's
-        given.setdefault("velocity", (1.0,) * model.n)
-    room = motion_room(model, **given)
+        stated.setdefault("velocity", (1.0,) * model.n)
+    room = motion_room(model, **stated)
     around = collisions.around(robot, model)
     result = design_excitation(
         model, room, around, np.random.default_rng(seed), gravity=gravity.stated(), **vars(motion)

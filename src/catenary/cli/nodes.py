@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from catenary.nodes.tool_node import ToolStatus
 
 _prints_json_lines = json_help("Print a JSON line a second, and one at the end.")
-_DURATION = option("S", "How long to run. [default: until Ctrl-C]", least=0.0)
+_DURATION = option("S", "How long to run. [default: until Ctrl-C]", min=0.0)
 
 
 @group
@@ -68,7 +68,7 @@ def serve(
     ros: str = CARRIER,
     name: str = option("NAME", "Name of the robot's ROS node; it must be unique.", "catenary_robot"),
     rate: float = option("HZ", "Rate at which its state is published.", 1000.0),
-    depth: int = option("N", "Queue length per topic for clients that do not keep up.", 100, least=1),
+    depth: int = option("N", "Queue length per topic for clients that do not keep up.", 100, min=1),
     qos: str = option("reliable|best-effort", "On ROS 2: quality of service of frequent topics.", "reliable"),
     start: bool = option(None, "Press the silver button at once; with crtk: enable and home.", False),
     duration: float | None = _DURATION,
@@ -192,8 +192,8 @@ class GravitySensor:
         """Return the topic's name and type."""
         from catenary.crtk.gravity_topic import GRAVITY_TYPES
 
-        given = zip((self.imu, self.accel, self.vector), GRAVITY_TYPES, strict=True)
-        return next((name, kind) for name, kind in given if name is not None)
+        topics = zip((self.imu, self.accel, self.vector), GRAVITY_TYPES, strict=True)
+        return next((name, kind) for name, kind in topics if name is not None)
 
 
 @group
@@ -249,9 +249,9 @@ def gravity_node(
             attached, angular, counts = device.with_ranges(attached), hello.has_gyroscope, device.counts
         else:
             name, kind = sensor.topic()
-            heard = GravityTopic(transport, name, kind, mailbox, points_down=sensor.points_down)
-            print_notes([f"{heard.topic}: waiting for {kind}"])
-            feed, angular, counts = heard.feed, sensor.imu is not None, heard.tally
+            subscription = GravityTopic(transport, name, kind, mailbox, points_down=sensor.points_down)
+            print_notes([f"{subscription.topic}: waiting for {kind}"])
+            feed, angular, counts = subscription.feed, sensor.imu is not None, subscription.tally
         angular = angular and not sensor.no_gyroscope
         arm = None
         if published.delta_of is not None:
@@ -280,8 +280,8 @@ class ToolTopics:
     topic: str = option("TOPIC", "Topic that wrenches are published on.", "/tool/wrench")
     frame: str | None = option("FRAME", "Frame of the robot to publish wrenches in. [default: the sensor's own]")
     inertia: bool = option(None, "Also subtract the tool's inertial forces.", False)
-    drift: float = option("N/MIN", "Rate of the sensor's zero that is followed while nothing touches.", 0.0, least=0.0)
-    wait: float = option("S", "Publishing delay, for joint states around each reading.", 0.03, least=0.0)
+    drift: float = option("N/MIN", "Rate of the sensor's zero that is followed while nothing touches.", 0.0, min=0.0)
+    wait: float = option("S", "Publishing delay, for joint states around each reading.", 0.03, min=0.0)
 
 
 @_prints_json_lines
@@ -290,7 +290,7 @@ def tool_node(
     network: NodeOptions,
     tool: Path = option("FILE", "The tool, as catenary payload --tool or --weigh writes it.", REQUIRED),
     robot: str | None = option("ROBOT", "The arm that carries it. [default: the file's]"),
-    weigh: int | None = option("N", "First weigh the tool in N poses at rest, and write --tool.", least=6),
+    weigh: int | None = option("N", "First weigh the tool in N poses at rest, and write --tool.", min=6),
     sensor_frame: str | None = option("FRAME", "Frame of the sensor. [default: the tip]", goes_with="weigh"),
     accept: Sequence[str] = ACCEPT,
     duration: float | None = _DURATION,
@@ -321,7 +321,7 @@ def tool_node(
             transport,
             catenary.load_robot(carrier),
             known,
-            weighed=lambda found: save_tool(tool, replace(found, robot=carrier)),
+            weighed=lambda measured: save_tool(tool, replace(measured, robot=carrier)),
             **options,
         )
         show = _shown(_tool_line)
@@ -333,7 +333,7 @@ def tool_node(
 
 def _shown(line: Callable[[Any], tuple[str, Sequence[str]]]) -> Callable[..., None]:
     """Return the function that prints a status: as JSON, or as a line to read and those remarks that are new."""
-    said: list[str] = []
+    printed: list[str] = []
 
     def show(status: "EncoderStatus | GravityStatus | ToolStatus", *, final: bool = False) -> None:
         if prints_json():
@@ -342,9 +342,9 @@ def _shown(line: Callable[[Any], tuple[str, Sequence[str]]]) -> Callable[..., No
         text, remarks = line(status)
         master = "" if status.is_up else "  NO MASTER"
         print(f"{text}  {status.subscribers} programs listen{master}", flush=True)
-        if list(remarks) != said:
-            said[:] = remarks
-            print_notes(said)
+        if list(remarks) != printed:
+            printed[:] = remarks
+            print_notes(printed)
 
     return show
 

@@ -51,7 +51,7 @@ class LoadedOptions(DescriptionOptions):
     """Options of a robot's description, and of what the robot carries."""
 
     xacro: bool = option(None, "Expand a xacro file that you trust: this runs the Python in it.", False)
-    payload: float = option("KG", "Mass that the robot carries.", 0.0, least=0.0)
+    payload: float = option("KG", "Mass that the robot carries.", 0.0, min=0.0)
     payload_on: str | None = option("FRAME", "Frame of the payload. [default: the tip]", goes_with="payload")
     payload_at: Triple = option("X,Y,Z", "Its centre of mass there, in m.", (0.0, 0.0, 0.0), goes_with="payload")
     payload_inertia: Six | None = option(
@@ -104,7 +104,7 @@ class JointOptions:
             )
         return some_joint_values(model, self.q, self.q_deg, model.joint_names)[0]
 
-    def given(self, model: "catenary.RobotModel") -> "Floats | None":
+    def or_none(self, model: "catenary.RobotModel") -> "Floats | None":
         """Return them; None where neither option is given."""
         return None if self == JointOptions() else self.of(model)
 
@@ -133,8 +133,8 @@ def some_joint_values(
         raise InputError(f"--joints: {', '.join(unknown)}: expected some of {joints_text(robot)}")
     units = tuple(unit_of[name] for name in chosen)
     if len(chosen) != len(values) or not np.isfinite(values).all():
-        wanted = joints_text(Joints(chosen, units))
-        raise InputError(f"{option}: expected {len(chosen)} finite numbers for {wanted}, got {values.tolist()}")
+        joints = joints_text(Joints(chosen, units))
+        raise InputError(f"{option}: expected {len(chosen)} finite numbers for {joints}, got {values.tolist()}")
     if q_deg is not None:
         values = np.array([from_display(value, unit) for value, unit in zip(values, units, strict=True)])
     return values, chosen
@@ -156,7 +156,7 @@ NODE_NAME = option("NAME", "Name of this program's ROS node. [default: catenary_
 CARRIER = option("|".join(CARRIERS), "ROS version of the messages.", "1", joins_ros=True)
 DIALECT = option("|".join(DIALECTS), "With --ros: dialect of its topics. [default: the robot's own]", goes_with="ros")
 _NAMESPACE = option("/NAME", "With --dialect crtk: namespace of the robot's topics.", goes_with="ros")
-SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the nominal one]", least=0)
+SIMULATED_SEED = option("N", "Simulate another robot of the kind. [default: the nominal one]", min=0)
 
 
 @group

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import catenary
-from catenary.cli.gravity_options import GivenGravity
+from catenary.cli.gravity_options import GravityOptions
 from catenary.cli.options import REQUIRED, Names, Numbers, Triple, argument, option
 from catenary.cli.out_files import NAMED_AS_TYPED, PICTURE
 from catenary.cli.recording_options import OWN_CLASS, ModelRecordingOptions
@@ -33,10 +33,10 @@ def robots() -> None:
 
     with without_notes(True):  # those that a robot has when it is named
         models = [catenary.load_robot(name) for name in robot_names()]
-    found = [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
+    content = [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
     columns: list[Column] = ["name", ("joints", _kinds), "tip", ("joint names", _names_in_brief)]
     legend = "R: revolute, P: prismatic; catenary check ROBOT names joints with their limits"
-    print_result(found, Table(columns, models, "Robots", left=4), legend)
+    print_result(content, Table(columns, models, "Robots", left_aligned=4), legend)
 
 
 def _kinds(model: "catenary.RobotModel") -> str:
@@ -66,9 +66,9 @@ def fk(
     shown = {in_frame, "base"} if model.base == "base" else {in_frame}
     resting = [f for f in model.frames if model.frames[f].link < 0 and f not in shown]
     poses = {f: relative_pose(model, values, name, f) for f in (in_frame, *resting)}
-    asked = {"robot": model.name, "q": values, "unit": model.joint_units, "frame": name, "in": in_frame}
+    header = {"robot": model.name, "q": values, "unit": model.joint_units, "frame": name, "in": in_frame}
     others = {f: pose_numbers(pose) for f, pose in poses.items() if f != in_frame}
-    content = {**asked, **pose_numbers(poses[in_frame]), "in_other_frames": others}
+    content = {**header, **pose_numbers(poses[in_frame]), "in_other_frames": others}
     print_result(content, _pose_table("in", poses, f"{model.name}: pose of {name}"))
 
 
@@ -82,7 +82,7 @@ def ik(
     quaternion: Quaternion | None = option("W,X,Y,Z", "Orientation of the frame.", goes_with="position_mm"),
     frame: str | None = _FRAME_NAME,
     in_frame: str | None = _IN_FRAME,
-    seed: int = option("N", "Seed of the random starts, where a search needs several.", 0, least=0),
+    seed: int = option("N", "Seed of the random starts, where a search needs several.", 0, min=0),
 ) -> None:
     """Print the joints that bring a robot's frame to a pose.
 
@@ -97,7 +97,7 @@ def ik(
 
     model = catenary.load_robot(robot)
     name, in_frame = frame or model.tip, in_frame or model.base
-    start = joints.given(model)
+    start = joints.or_none(model)
     if position_mm is None:
         if start is None:
             raise InputError("ik: give the goal with --position-mm, or with --q joints whose pose it is")
@@ -114,9 +114,9 @@ def ik(
     rng = np.random.default_rng(seed)
     solution = inverse_kinematics(model, base_pose, start, frame=name, match=match, rng=rng)
     reached = relative_pose(model, solution, name, in_frame)
-    asked = {"robot": model.name, "q": solution, "unit": model.joint_units, "frame": name, "in": in_frame}
+    header = {"robot": model.name, "q": solution, "unit": model.joint_units, "frame": name, "in": in_frame}
     unknown = {"quaternion": None, "rotation": None} if match == "position" else {}
-    content = {**asked, "goal": pose_numbers(goal) | unknown, "reached": pose_numbers(reached)}
+    content = {**header, "goal": pose_numbers(goal) | unknown, "reached": pose_numbers(reached)}
     rows = [
         [n, f"{v:.9g} {u}", in_words(v, u, 4)]
         for n, v, u in zip(model.joint_names, solution, model.joint_units, strict=True)
@@ -160,7 +160,7 @@ def _goal(position_mm: Triple, rpy_deg: Triple | None, quaternion: Numbers | Non
 
 
 def plot(
-    given: GivenGravity,
+    stated: GravityOptions,
     loaded: LoadedOptions,
     recordings: ModelRecordingOptions,
     joints: JointOptions,
@@ -185,20 +185,20 @@ def plot(
     from catenary.reports.robot_plot import plot as draw
 
     if log is not None:
-        if (given, loaded, joints, hide) != (GivenGravity(), LoadedOptions(), JointOptions(), None):
+        if (stated, loaded, joints, hide) != (GravityOptions(), LoadedOptions(), JointOptions(), None):
             raise InputError("plot MODEL LOG: options of a robot's picture do not go with LOG")
         _plot_errors(Path(robot), log, joint, recordings, own, out)
         return
     model = loaded.load(robot)
-    gravity = given.gravity_of(model)
-    values = joints.given(model)
+    gravity = stated.gravity_of(model)
+    values = joints.or_none(model)
     pose = middle_pose(model) if values is None else values
     notes = beyond_limits(model, pose) if values is not None else []
     hidden: Any = hide or ()
     if model.missing_inertia and "torques" not in hidden:
         links = ", ".join(model.missing_inertia)
         notes.append(f"no torques: the description gives no mass of {links}")
-    print_notes([*notes, *given.doubts(gravity)])
+    print_notes([*notes, *stated.doubts(gravity)])
     figure = draw(model, pose, gravity=gravity, hide=hidden)
     write_picture(figure, out, PICTURE.endings)
     content = {"robot": model.name, "q": pose, "unit": model.joint_units, "gravity": gravity, "out": str(out)}
@@ -251,8 +251,8 @@ def _compact(report: "RegressorReport") -> list[Any]:
     ]
     return [
         f"{report.model.name}: gravity on a level base, g_c = 9.81 m/s2\n\n{form}\n",
-        Table(columns, rows, "Parameters", left=2),
-        Table(columns[:3], symbols, "Symbols", left=2),
+        Table(columns, rows, "Parameters", left_aligned=2),
+        Table(columns[:3], symbols, "Symbols", left_aligned=2),
         [("without effect", ", ".join(form.ineffective))] if form.ineffective else None,
     ]
 
@@ -267,10 +267,10 @@ def _identifiability(report: "RegressorReport") -> list[Any]:
     units = ["kg" if name.startswith("m(") else "kg m" for name in names]
     rows: list[Any] = list(zip(names, *kinds, report.standard_values, units, strict=True))
     title = f"{report.model.name}: do gravity torques identify masses m, and moments m c in link frames?"
-    standard = Table(["parameter", "level base", "tilted base", value, "unit"], rows, title, left=3)
+    standard = Table(["parameter", "level base", "tilted base", value, "unit"], rows, title, left_aligned=3)
     rows = [[name, base.count, len(names), base.condition] for name, base in report.bases.items()]
     bases = Table(["base", "combinations", "of", ("condition", ":.3g")], rows, "What torques tell")
     values = zip(report.combinations("level"), report.base_values("level"), strict=True)
     rows = [[f"b{k}", *cells] for k, cells in enumerate(values, 1)]
-    combinations = Table(["", "", value], rows, "Combinations on a level base", left=2)
+    combinations = Table(["", "", value], rows, "Combinations on a level base", left_aligned=2)
     return [standard, bases, combinations, *(f"  {sentence}" for sentence in report.sentences())]

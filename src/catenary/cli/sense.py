@@ -54,12 +54,12 @@ class ReplayOptions:
             )
         from catenary.recording.import_formats.imu_recording import read_imu
 
-        found = read_imu(
+        readings = read_imu(
             self.replay, topic=self.topic, columns=self.columns or (), time=self.time,
             matrices=reading.convention(), has_units=reading.has_units,
         )  # fmt: skip
-        print_notes(found.notes)
-        return found
+        print_notes(readings.notes)
+        return readings
 
     def calibrated(self, recording: "ImuRecording", known: "Mounting") -> "TumbleOutcome":
         """Calibrate the sensor by its rests in a recording."""
@@ -79,7 +79,7 @@ class SimulatedSensorOptions:
     simulated: bool = option(None, "Use a simulated sensor.", False)
     base_tilt_deg: tuple[float, float] | None = replace(BASE_TILT, goes_with="simulated")
     rate: float | None = option("HZ", "Sample rate of the simulated sensor. [default: 200]", goes_with="simulated")
-    seed: int = option(None, "Seed of the simulated sensor's noise.", 0, least=0, goes_with="simulated")
+    seed: int = option(None, "Seed of the simulated sensor's noise.", 0, min=0, goes_with="simulated")
 
     def model(self, known: "Mounting") -> "SensorModel":
         """Return the simulated sensor, whose stated mounting is true."""
@@ -87,8 +87,8 @@ class SimulatedSensorOptions:
 
         model = SensorModel(200.0 if self.rate is None else self.rate)
         ranges = ("acceleration_range", "rate_range")
-        least = {key: min(getattr(known, key), getattr(model.mounting, key)) for key in ranges}
-        return replace(model, mounting=replace(known, **least))
+        smaller = {key: min(getattr(known, key), getattr(model.mounting, key)) for key in ranges}
+        return replace(model, mounting=replace(known, **smaller))
 
     def feed(self, model: "SensorModel") -> "Feed":
         """Return its samples on a base at rest."""
@@ -150,8 +150,8 @@ def sense(
         return
     with ExitStack() as stack:
         if recording is not None:
-            feed, left = replay_feed(recording), recording.duration - SETTLE
-            duration = left if duration is None else min(duration, left)
+            feed, remaining = replay_feed(recording), recording.duration - SETTLE
+            duration = remaining if duration is None else min(duration, remaining)
         elif port is not None:
             size = 100 * MAILBOX_SIZE if tumble else MAILBOX_SIZE  # the turns of a tumble are kept while nobody reads
             device = stack.enter_context(SerialAccelerometer(port, Mailbox(size, reading.convention())))

@@ -22,18 +22,18 @@ class Fade:
     def __init__(self, correction: Floats, period: float) -> None:
         """Begin at a correction (n,) [rad|m] that is already acting, in ticks of `period` [s]."""
         self._last, self._share = correction, period / _FADE_TIME_S
-        self._left = self._step = np.zeros(len(correction))
+        self._remaining = self._step = np.zeros(len(correction))
 
-    def left_out(self, correction: Floats, leaps: ArrayLike) -> Floats:
+    def remainder(self, correction: Floats, leaps: ArrayLike) -> Floats:
         """Return the part of a correction that is not applied yet (n,) [rad|m]; `leaps` marks a change of source."""
         leap = np.where(leaps, np.nan_to_num(correction - self._last), 0.0)
         self._last = correction
         if leap.any():
-            self._left = self._left + leap
-            self._step = self._share * np.abs(self._left)
-        left = self._left
-        self._left = left - np.clip(left, -self._step, self._step)
-        return left
+            self._remaining = self._remaining + leap
+            self._step = self._share * np.abs(self._remaining)
+        remaining = self._remaining
+        self._remaining = remaining - np.clip(remaining, -self._step, self._step)
+        return remaining
 
 
 class SlowTorque:
@@ -94,14 +94,14 @@ class Correction:
         n = len(state.q)
         q, was_inside, interval = np.empty(n), self.inside, np.empty(n)
         self.inside = np.empty(n, dtype=bool)
-        asked = time.perf_counter()
+        began = time.perf_counter()
         known = state if self._fade is None else state._replace(tau=self._slow.of(state.tau))
         self._corrector.correct_state(known, q, self.inside, interval)
         if not self._is_first:
-            self.durations.add(time.perf_counter() - asked)
+            self.durations.add(time.perf_counter() - began)
         if self._fade is not None:
-            left = self._fade.left_out(q - state.q, (self.inside != was_inside) | self._is_first)
-            q -= left
-            interval += np.abs(left)
+            remaining = self._fade.remainder(q - state.q, (self.inside != was_inside) | self._is_first)
+            q -= remaining
+            interval += np.abs(remaining)
         self._is_first = False
         return JointState(state.time, q, *state[2:8], interval)

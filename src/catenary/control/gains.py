@@ -86,8 +86,8 @@ def torque_at_joints(
         (n,) [Nm|N]; infinite without a limit.
     """
     turns = as_array("ratio", ratio, (None,))
-    most = as_array("dac_limit", dac_limit, turns.shape)
-    current = np.where(most > 0.0, most, np.inf) / as_array("dac_per_ampere", dac_per_ampere, turns.shape)
+    limit = as_array("dac_limit", dac_limit, turns.shape)
+    current = np.where(limit > 0.0, limit, np.inf) / as_array("dac_per_ampere", dac_per_ampere, turns.shape)
     return current * as_array("torque_constant", torque_constant, turns.shape) * np.abs(turns)
 
 
@@ -155,8 +155,8 @@ def gains_from_mass(
     return JointGains(w * w * counted, damping * counted)
 
 
-def _reduced_inertia(inertia: Floats, masses: Floats, most: float) -> Floats:
-    """Reduce inertia (n,) until no eigenvalue of M^-1 diag(inertia) exceeds `most`, for mass matrices M (K, n, n).
+def _reduced_inertia(inertia: Floats, masses: Floats, max_eigenvalue: float) -> Floats:
+    """Reduce inertia (n,) until M^-1 diag(inertia) has no eigenvalue beyond `max_eigenvalue`, for masses M (K, n, n).
 
     Less of it lowers every eigenvalue at every pose, so that each pose is looked at once.
     """
@@ -166,7 +166,7 @@ def _reduced_inertia(inertia: Floats, masses: Floats, most: float) -> Floats:
         while True:
             root = np.sqrt(inertia)
             eigenvalues, modes = np.linalg.eigh(root[:, None] * inverse * root)
-            if eigenvalues[-1] <= most:
+            if eigenvalues[-1] <= max_eigenvalue:
                 break
             inertia *= 1.0 - _REDUCTION * modes[:, -1] ** 2
     return inertia
@@ -180,5 +180,5 @@ def default_limits(torque: ArrayLike, units: tuple[str, ...], lower: Floats, upp
         units: Unit of each joint, "rad" or "m".
         lower, upper: Joint limits (n,) [rad|m]; infinite for none.
     """
-    most, taper = as_array("torque", torque, (len(units),), finite=False), [_TAPER_WIDTHS[unit] for unit in units]
-    return TorqueLimits(most, slew=most / _RISE_TIME_S, lower=lower, upper=upper, taper=taper)
+    largest, taper = as_array("torque", torque, (len(units),), finite=False), [_TAPER_WIDTHS[unit] for unit in units]
+    return TorqueLimits(largest, slew=largest / _RISE_TIME_S, lower=lower, upper=upper, taper=taper)

@@ -145,22 +145,22 @@ class HandGuiding(GravityHold):
             beyond = self.observer.torque + A @ self.load
             force = np.asarray(np.linalg.lstsq(J.T / spread[:, None], beyond / spread, rcond=1e-3)[0], dtype=np.float64)
             angle = float(angle_between(force, down))
-            is_told = bool((np.abs(beyond) > self.observer.half_width).any())
-            is_plumb = is_told and min(angle, np.pi - angle) < _PLUMB_RAD
+            is_detected = bool((np.abs(beyond) > self.observer.half_width).any())
+            is_plumb = is_detected and min(angle, np.pi - angle) < _PLUMB_RAD
             self._falling = self._falling + elapsed if is_plumb else 0.0
-            if self._falling > _FALLING_S or (is_told and np.linalg.norm(force) > self.max_push):
+            if self._falling > _FALLING_S or (is_detected and np.linalg.norm(force) > self.max_push):
                 self._hold()
 
     def _weigh(self, A: Floats, spread: Floats, share: float) -> bool:
         """Go by a share to the load that explains torques here and before, if one does; return whether one does."""
-        near = self.max_payload * np.array([2.0, _REACH_M, _REACH_M, _REACH_M])
+        prior = self.max_payload * np.array([2.0, _REACH_M, _REACH_M, _REACH_M])
         W, y = A / spread[:, None], -self.observer.torque / spread
         information, evidence = self._known
         self._now = _KEPT_SHARE * information + W.T @ W, _KEPT_SHARE * evidence + W.T @ y
-        covariance = np.linalg.inv(self._now[0] + np.diag(near**-2.0))
-        found = covariance @ self._now[1]
-        explains = bool((np.abs(y - W @ found) <= _ODD_SIGMAS).all())
+        covariance = np.linalg.inv(self._now[0] + np.diag(prior**-2.0))
+        load = covariance @ self._now[1]
+        explains = bool((np.abs(y - W @ load) <= _ODD_SIGMAS).all())
         if explains or self.state != "guided":
-            self.load = self.load + share * (found - self.load)
+            self.load = self.load + share * (load - self.load)
             self.mass_half_width = float(IN_95_PERCENT * np.sqrt(covariance[0, 0]))
         return explains

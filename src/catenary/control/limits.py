@@ -44,13 +44,13 @@ class TorqueLimits:
         if taper is not None and (lower is None or upper is None):
             raise InputError("taper: expected the joint limits, lower and upper, too")
 
-        def given(values: ArrayLike | None, missing: float) -> ArrayLike:
+        def or_default(values: ArrayLike | None, missing: float) -> ArrayLike:
             return np.full(shape, missing) if values is None else values
 
-        self.slew = as_not_negative("slew", given(slew, np.inf), shape, finite=False)
-        self.taper = as_not_negative("taper", given(taper, 0.0), shape)
-        self.lower = as_array("lower", given(lower, -np.inf), shape, finite=False)
-        self.upper = as_array("upper", given(upper, np.inf), shape, finite=False)
+        self.slew = as_not_negative("slew", or_default(slew, np.inf), shape, finite=False)
+        self.taper = as_not_negative("taper", or_default(taper, 0.0), shape)
+        self.lower = as_array("lower", or_default(lower, -np.inf), shape, finite=False)
+        self.upper = as_array("upper", or_default(upper, np.inf), shape, finite=False)
         if not (self.lower <= self.upper).all():
             raise InputError(f"lower {self.lower.tolist()}: expected at most upper {self.upper.tolist()}")
         self._last = np.zeros(shape)
@@ -77,9 +77,9 @@ class TorqueLimits:
         """Return tau (n,) [Nm|N], limited, at positions q (n,) [rad|m], dt [s] after the last call; NaN is allowed."""
         sent, shape = np.empty(len(self._last)), self.torque.shape
         # numba would compile once more for every other type
-        wanted, at = as_array("torque", tau, shape, finite=False), as_array("q", q, shape, finite=False)
+        command, at = as_array("torque", tau, shape, finite=False), as_array("q", q, shape, finite=False)
         bounds = self.torque, self.slew, self.lower, self.upper, self.taper
-        _limit(*bounds, self._last, self._counts, wanted, at, float(dt), sent)
+        _limit(*bounds, self._last, self._counts, command, at, float(dt), sent)
         return sent
 
 
@@ -99,18 +99,18 @@ def _limit(
 ) -> None:
     limited, not_finite = False, False
     for j in range(len(sent)):
-        wanted = tau[j]
-        if not (np.isfinite(wanted) and np.isfinite(q[j])):
-            wanted = 0.0
+        command = tau[j]
+        if not (np.isfinite(command) and np.isfinite(q[j])):
+            command = 0.0
             not_finite = True
-        value = wanted
+        value = command
         if taper[j] > 0.0 and value != 0.0:  # a torque that is not zero has a finite position
             room = (upper[j] - q[j] if value > 0.0 else q[j] - lower[j]) / taper[j]
             value *= min(max(room, 0.0), 1.0)
         value = min(max(value, -largest[j]), largest[j])
         step = slew[j] * dt
         value = min(max(value, last[j] - step), last[j] + step)
-        limited |= value != wanted
+        limited |= value != command
         last[j] = value
         sent[j] = value
     counts[0] += limited

@@ -174,10 +174,10 @@ class _Run:
         if self.corrector is not None:
             self.correction = Correction(self.corrector, plant, state, self.rate_hz)
         if self.controller is None:
-            _require_near(plant, first, "the setpoint", plant.setpoint_js().q, np.zeros(n), MAX_STEP)
+            _refuse_jump(plant, first, "the setpoint", plant.setpoint_js().q, np.zeros(n), MAX_STEP)
         else:
             added = np.zeros(n) if self.correction is None else self.correction.at_start
-            is_corrected = _require_near(plant, first, "the robot", state.q, added, _MAX_SAG)
+            is_corrected = _refuse_jump(plant, first, "the robot", state.q, added, _MAX_SAG)
             if self.correction is not None:
                 self.correction.smooth(np.where(is_corrected, added, 0.0))
         self.guard = MotionGuard(plant, first, self.period, self.max_speed)
@@ -199,21 +199,21 @@ class _Run:
         if self.gravity is not None:
             state = self._with_gravity(state, self.gravity.read(state.time))
         reference = self.trajectory(number * period)
-        q_wanted = as_array("reference q", reference.q, (n,), finite=False)
-        self.guard.update(state.time, q_nominal, q_wanted)
+        q_reference = as_array("reference q", reference.q, (n,), finite=False)
+        self.guard.update(state.time, q_nominal, q_reference)
         tau = None
         if self.controller is None:
             self.finite.update(q_nominal)
-            plant.servo_jp(q_wanted)
+            plant.servo_jp(q_reference)
         else:
-            wanted = as_array("torque", self.controller.torque(state, reference), (n,), finite=False)
-            tau = self.limits.apply(wanted, q_nominal, period)
-            self.finite.update(q_nominal, wanted)
+            torque = as_array("torque", self.controller.torque(state, reference), (n,), finite=False)
+            tau = self.limits.apply(torque, q_nominal, period)
+            self.finite.update(q_nominal, torque)
             plant.servo_jf(tau)
         if self.clock is not None:
             self.clock.sent()
         inside = self.all_inside if self.correction is None else self.correction.inside
-        tally.add(q_wanted, q_nominal, state.q, inside)
+        tally.add(q_reference, q_nominal, state.q, inside)
         for observe in self.observers:
             observe(Tick(number, number * period, state, q_nominal, inside, reference, tau))
         if number > 0:
@@ -278,14 +278,14 @@ def _require_ready(plant: Plant, controller: Controller | None, rate_hz: float) 
     return waits
 
 
-def _require_near(
-    plant: Plant, first: Floats, what: str, q: Floats, correction: Floats, most: Mapping[str, float]
+def _refuse_jump(
+    plant: Plant, first: Floats, what: str, q: Floats, correction: Floats, max_jump: Mapping[str, float]
 ) -> Flags:
     """Refuse a jump to the first reference; return flags of joints that begin at q + correction, calibrated (n,)."""
     calibrated = q + correction
     reported, corrected = np.abs(first - q), np.abs(first - calibrated)
     for j, (name, unit) in enumerate(zip(plant.joint_names, plant.joint_units, strict=True)):
-        if not min(reported[j], corrected[j]) <= most[unit]:
+        if not min(reported[j], corrected[j]) <= max_jump[unit]:
             also = f" ({calibrated[j]:.6g} {unit} calibrated)" if correction[j] else ""
             raise LimitError(
                 f'joint "{name}": the trajectory begins at {first[j]:.6g} {unit}, {what} is at '

@@ -67,11 +67,11 @@ class LoopReport(OnScreen):
     @property
     def screen(self) -> Screen:
         """Tracking errors per joint."""
-        head, *rest = str(self).splitlines()
+        head, *lines = str(self).splitlines()
         columns = ("joint", "unit", ("RMS error", ":.3f"), ("calibrated", ":.3f"))
         calibrated = self.tracking_calibrated or [float("nan")] * len(self.joint_names)
         table = Table(columns, shown_rows(self, self.tracking_nominal, calibrated))
-        return Screen(head, [table], "; ".join(line for line in rest if "tracking error" not in line))
+        return Screen(head, [table], "; ".join(line for line in lines if "tracking error" not in line))
 
     def __str__(self) -> str:
         lines = [f"{self.ticks} ticks at {self.rate_hz:g} Hz" + ("" if self.finished else ", not finished")]
@@ -131,9 +131,9 @@ class LoopTally:
         self.outside = np.zeros(n)  # ticks of each joint beyond the corrector's valid range
         self.gravity = GravityTally() if sensed else None
 
-    def add(self, wanted: Floats, q_nominal: Floats, q: Floats, inside: Flags) -> None:
+    def add(self, reference: Floats, q_nominal: Floats, q: Floats, inside: Flags) -> None:
         """Count a tick: reference, reported and calibrated positions [rad|m], and whether each is inside, (n,)."""
-        error = wanted - np.array([q_nominal, q])
+        error = reference - np.array([q_nominal, q])
         known = np.isfinite(error)
         np.add(self._squares, error * error, out=self._squares, where=known)
         self._counts += known

@@ -52,12 +52,12 @@ class FiniteTicks:
             )
 
     def _in_words(self) -> str:
-        found = []
+        parts = []
         for what, counts in zip(("measured position", "torque"), self._lost, strict=True):
             joints = [f'"{name}" ({count} ticks)' for name, count in zip(self._names, counts, strict=True) if count]
             if joints:
-                found.append(f"{what} of {', '.join(joints)}")
-        return "; ".join(found)
+                parts.append(f"{what} of {', '.join(joints)}")
+        return "; ".join(parts)
 
 
 def hold_position(plant: Plant, q: Floats) -> bool:
@@ -158,24 +158,24 @@ class MotionGuard:
         self._fastest, self._leap = fastest, fastest * period + np.array([MAX_STEP[unit] for unit in self._units])
         ticks = max(1, round(_WINDOW_S / period))
         self._time, self._q, self._reference = np.zeros(1), np.zeros(n), np.zeros(n)
-        self._found = np.zeros(3)  # what was found, the joint, how much
+        self._finding = np.zeros(3)  # what was found, the joint, how much
         arrays = np.array([ticks * period]), self._time, self._q, self._reference, fastest, self._leap
         kept = np.full(ticks, np.nan), np.full((ticks, n), np.nan), as_array("q", reference, (n,)).copy()
-        self._look = bind(_look, arrays, [*kept, np.zeros(n + 1, dtype=np.int64), self._found])
+        self._look = bind(_look, arrays, [*kept, np.zeros(n + 1, dtype=np.int64), self._finding])
 
     def update(self, time: float, q: Floats, reference: Floats) -> None:
         """Look at a tick's measured positions (n,) [rad|m], their time [s], and the reference (n,) [rad|m]."""
         self._time[0], self._q[:], self._reference[:] = time, q, reference
         self._look()
-        if self._found[0]:
-            what, j, size = int(self._found[0]), int(self._found[1]), self._found[2]
+        if self._finding[0]:
+            what, j, size = int(self._finding[0]), int(self._finding[1]), self._finding[2]
             name, unit, why = self._names[j], self._units[j], self._why[j]
-            most = f"expected at most {(self._fastest if what == _SPEED else self._leap)[j]:.4g} {unit}"
+            expected = f"expected at most {(self._fastest if what == _SPEED else self._leap)[j]:.4g} {unit}"
             meant = "if that is meant, run_loop(max_speed=...) allows more"
             if what == _SPEED:
-                raise LimitError(f'joint "{name}" moves at {size:.4g} {unit}/s, {most}/s, {why}; {meant}')
+                raise LimitError(f'joint "{name}" moves at {size:.4g} {unit}/s, {expected}/s, {why}; {meant}')
             raise LimitError(
-                f'joint "{name}": the reference leaps by {size:.4g} {unit} between two ticks, {most} ({why}: '
+                f'joint "{name}": the reference leaps by {size:.4g} {unit} between two ticks, {expected} ({why}: '
                 f"{self._fastest[j]:.4g} {unit}/s); {meant}"
             )
 
@@ -192,7 +192,7 @@ def _look(
     rows: Floats,
     last: Floats,
     counts: Integers,
-    found: Floats,
+    finding: Floats,
 ) -> None:
     """Look at a tick; counts (n + 1,) are ticks in a row that a joint was too fast, signed, and all ticks."""
     n = len(q)
@@ -201,8 +201,8 @@ def _look(
     if not elapsed > 0.0:  # a clock that stands still, or was set back
         elapsed = window[0]
     for j in range(n):
-        if abs(reference[j] - last[j]) > leap[j] and found[0] == 0.0:
-            found[0], found[1], found[2] = _LEAP, j, abs(reference[j] - last[j])
+        if abs(reference[j] - last[j]) > leap[j] and finding[0] == 0.0:
+            finding[0], finding[1], finding[2] = _LEAP, j, abs(reference[j] - last[j])
         if np.isfinite(reference[j]):
             last[j] = reference[j]
         speed = (q[j] - rows[at, j]) / elapsed
@@ -211,7 +211,7 @@ def _look(
             continue
         way = (speed > fastest[j]) - (speed < -fastest[j])
         counts[j] = counts[j] + way if counts[j] * way > 0 else way
-        if abs(counts[j]) >= max(2, len(times) // 2) and found[0] == 0.0:
-            found[0], found[1], found[2] = _SPEED, j, abs(speed)
+        if abs(counts[j]) >= max(2, len(times) // 2) and finding[0] == 0.0:
+            finding[0], finding[1], finding[2] = _SPEED, j, abs(speed)
     times[at] = time[0]
     counts[n] += 1

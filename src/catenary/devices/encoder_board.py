@@ -108,8 +108,8 @@ class Registration:
             without = "the joints having moved" if homed else "the robot being homed"
             self.reason = f"not registered: homing ended without {without}"
             return
-        near = toward.max(axis=0) - toward <= self._rig.window
-        self.zero = frozen(self._rig.side * np.where(near, toward, 0.0).sum(axis=0) / near.sum(axis=0))
+        in_window = toward.max(axis=0) - toward <= self._rig.window
+        self.zero = frozen(self._rig.side * np.where(in_window, toward, 0.0).sum(axis=0) / in_window.sum(axis=0))
         self.reason = ""
 
 

@@ -23,14 +23,14 @@ class LineSplitter:
     """Split a stream of bytes into lines; noise without line ends is discarded."""
 
     def __init__(self) -> None:
-        self._rest = b""
+        self._partial = b""
 
     def feed(self, data: bytes) -> list[str]:
         """Add bytes, and return the completed lines without their ends."""
-        *lines, self._rest = (self._rest + data).split(b"\n")
-        if len(self._rest) > _LINE_BYTES:
-            lines.append(self._rest)  # refused and counted by the parser
-            self._rest = b""
+        *lines, self._partial = (self._partial + data).split(b"\n")
+        if len(self._partial) > _LINE_BYTES:
+            lines.append(self._partial)  # refused and counted by the parser
+            self._partial = b""
         # characters other than ASCII fail the checksum
         return [line.strip(b"\r").decode("ascii", errors="replace") for line in lines if line.strip()]
 

@@ -57,8 +57,8 @@ def joint_friction(model: RobotModel, coulomb: ArrayLike, viscous: ArrayLike) ->
         coulomb, viscous: Friction [Nm|N] and [Nms/rad|Ns/m], one number or (n,) each.
     """
     values = np.empty((model.n, 2))
-    for column, (name, given) in enumerate((("friction", coulomb), ("viscous", viscous))):
-        values[:, column] = as_not_negative(name, one_for_all(given, model.n), (model.n,))
+    for column, (name, friction) in enumerate((("friction", coulomb), ("viscous", viscous))):
+        values[:, column] = as_not_negative(name, one_for_all(friction, model.n), (model.n,))
     rows = zip(model.joint_names, np.eye(model.n), strict=True)
     smooth = 0.0 if model.actuation is None else model.actuation.coulomb_velocity
     actuation = Actuation(

@@ -70,8 +70,8 @@ def external_torque(
     """
     (rows, rates, accelerations, measured), single = motion_rows(model, q, qd=qd, qdd=qdd, tau=tau)
     spread = as_not_negative("deviation", one_for_all(deviation, model.n), (model.n,))
-    left = inverse_dynamics(model, rows, rates, accelerations, gravity, loads=loads) - measured
-    return ExternalTorque(left[0] if single else left, IN_95_PERCENT * spread)
+    external = inverse_dynamics(model, rows, rates, accelerations, gravity, loads=loads) - measured
+    return ExternalTorque(external[0] if single else external, IN_95_PERCENT * spread)
 
 
 def external_wrench(
@@ -186,15 +186,15 @@ class MomentumObserver:
         shape = (None, self.model.n)
         rows = zip(as_array("q", q, shape), as_array("qd", qd, shape), as_array("tau", tau, shape), strict=True)
         seen = np.array([(self.update(*row, gravity, dt), self.sticking) for row in rows])
-        found = seen[round(5.0 / self.gain / dt) :]
-        if len(found) < 2:
+        settled = seen[round(5.0 / self.gain / dt) :]
+        if len(settled) < 2:
             raise InputError("observer: expected rows of more than five time constants of its filter")
-        torques, sticks = found[:, 0], found[:, 1]
+        torques, sticks = settled[:, 0], settled[:, 1]
         beyond = np.maximum(np.abs(torques) - sticks, 0.0) ** 2
         slides = sticks <= 0.1 * np.sqrt(np.mean(torques**2, axis=0))
         count = slides.sum(axis=0)
         sliding = np.sum(np.where(slides, torques**2, 0.0), axis=0) / np.maximum(count, 1)
-        squares = np.where(count > 0.1 * len(found), sliding, beyond.mean(axis=0))
+        squares = np.where(count > 0.1 * len(settled), sliding, beyond.mean(axis=0))
         self.deviation = np.maximum(np.sqrt(squares), _LEAST_DEVIATION)
         self.reset()
 

@@ -171,12 +171,12 @@ def warn_of_motion(model: RobotModel, q: Floats, gravity: Floats) -> None:
         gravity: Gravity (1 or N, 3) [m/s2].
     """
     odd = (gravity[:, 2] > _UP_M_S2) | (np.abs(gravity).max(axis=1) > _FELT_M_S2)
-    said = gravity_doubts(gravity[odd.argmax()]) if odd.any() else []
+    doubts = gravity_doubts(gravity[odd.argmax()]) if odd.any() else []
     away = np.maximum(model.lower - q, q - model.upper).max(axis=0, initial=0.0)
     for name, unit, far in zip(model.joint_names, model.joint_units, away.tolist(), strict=True):
         if far > _BEYOND[unit]:
-            said.append(f"joint {name} is {far:.4g} {unit} beyond its limits; positions are in rad and m")
-    for doubt in said:
+            doubts.append(f"joint {name} is {far:.4g} {unit} beyond its limits; positions are in rad and m")
+    for doubt in doubts:
         warnings.warn(f'robot "{model.name}": {doubt}', ImplausibleWarning, stacklevel=4)
 
 
@@ -216,8 +216,8 @@ def motion_rows(model: RobotModel, q: ArrayLike, **rates: ArrayLike | None) -> t
     """
     rows, single = as_batch("q", q, model.n)
     shape = (model.n,) if single else rows.shape
-    given = (np.zeros(shape) if rate is None else as_array(name, rate, shape) for name, rate in rates.items())
-    return [rows, *(rate.reshape(rows.shape) for rate in given)], single
+    arrays = (np.zeros(shape) if rate is None else as_array(name, rate, shape) for name, rate in rates.items())
+    return [rows, *(rate.reshape(rows.shape) for rate in arrays)], single
 
 
 def place_rows(model: RobotModel, *motion: Numbers) -> tuple[Numbers, Numbers, Numbers, Numbers]:

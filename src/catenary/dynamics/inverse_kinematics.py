@@ -15,7 +15,7 @@ from catenary.spatial import Pose, as_pose, rotation_vector
 Match = Literal["pose", "position"]
 _LEAST_DAMPING = 1e-12
 _NEAREST = 1e-9  # [m, rad] at which there is nothing nearer to look for
-_MOST_DAMPING = 1e8
+_MAX_DAMPING = 1e8
 
 
 class Approach(NamedTuple):
@@ -68,7 +68,7 @@ def inverse_kinematics(
     """
     target = as_pose("pose", pose)
     start = None if q_start is None else as_array("q_start", q_start, (model.n,))
-    wanted = model.frame(frame)
+    record = model.frame(frame)
     own_match: Match = "pose" if model.n >= 6 else "position"
     match = own_match if match is None else match
     if match not in ("pose", "position"):
@@ -78,9 +78,9 @@ def inverse_kinematics(
     tolerances = (position_tolerance, orientation_tolerance)
 
     tip = model.frame()
-    same_point = match == "pose" or np.array_equal(wanted.pose.position, tip.pose.position)
-    if model.closed_form == "raven2" and match == own_match and wanted.link == tip.link and same_point:
-        tip_in_frame = wanted.pose.inverse() @ tip.pose
+    same_point = match == "pose" or np.array_equal(record.pose.position, tip.pose.position)
+    if model.closed_form == "raven2" and match == own_match and record.link == tip.link and same_point:
+        tip_in_frame = record.pose.inverse() @ tip.pose
         goal = target @ tip_in_frame
         path = raven_path(model, goal.rotation[np.newaxis], goal.position[np.newaxis], start)
         return path.reshape(model.n)
@@ -91,14 +91,14 @@ def inverse_kinematics(
     if rng is not None:
         tried += [rng.uniform(lower, upper) for _ in range(starts)]
     for q in tried:
-        found = nearest_coordinates(
+        approach = nearest_coordinates(
             model, target, q, frame=frame, match=match, tolerances=tolerances, max_iterations=max_iterations
         )
-        if found.position_error <= position_tolerance and found.orientation_error <= orientation_tolerance:
-            return found.q
+        if approach.position_error <= position_tolerance and approach.orientation_error <= orientation_tolerance:
+            return approach.q
         # a radian counts as a metre: it only decides which attempt the message tells of
-        if best is None or sum(found[1:]) < sum(best[1:]):
-            best = found
+        if best is None or sum(approach[1:]) < sum(best[1:]):
+            best = approach
     assert best is not None
     raise UnreachablePoseError(_message(model, model.tip if frame is None else frame, match, best, len(tried)))
 
@@ -135,10 +135,10 @@ def nearest_coordinates(
 
     def error(placed: Configuration) -> Floats:
         there = placed.pose(frame)
-        left = pose.position - there.position
+        offset = pose.position - there.position
         if match == "position":
-            return left
-        return np.concatenate([left, rotation_vector(pose.rotation @ there.rotation.T)])
+            return offset
+        return np.concatenate([offset, rotation_vector(pose.rotation @ there.rotation.T)])
 
     def reached(e: Floats) -> bool:
         return bool(np.linalg.norm(e[:3]) <= tolerances[0] and np.linalg.norm(e[3:]) <= tolerances[1])
@@ -147,7 +147,7 @@ def nearest_coordinates(
     placed = Configuration(model, q)
     e, damping = error(placed), 1e-3
     for _ in range(max_iterations):
-        if reached(e) or damping > _MOST_DAMPING:
+        if reached(e) or damping > _MAX_DAMPING:
             break
         J = placed.jacobian(frame)[:rows]
         pull = J.T @ e
@@ -178,9 +178,9 @@ def search_range(model: RobotModel) -> tuple[Floats, Floats]:
 
 
 def _message(model: RobotModel, frame: str, match: Match, best: Approach, attempts: int) -> str:
-    near = f"{best.position_error:.3g} m"
+    distance = f"{best.position_error:.3g} m"
     if match == "pose":
-        near += f" and {best.orientation_error:.3g} rad"
+        distance += f" and {best.orientation_error:.3g} rad"
     at_limits = [
         f'joint "{name}" at {value:.6g} {unit}'
         for name, value, unit, lower, upper in zip(
@@ -191,6 +191,6 @@ def _message(model: RobotModel, frame: str, match: Match, best: Approach, attemp
     limits = f"; at its limit there: {', '.join(at_limits)}" if at_limits else ""
     more = "; pass rng to try further starts" if attempts == 1 else ""
     return (
-        f'robot "{model.name}": frame "{frame}" did not reach the {match}: nearest {near} away '
+        f'robot "{model.name}": frame "{frame}" did not reach the {match}: nearest {distance} away '
         f"after {attempts} start(s){limits}{more}"
     )

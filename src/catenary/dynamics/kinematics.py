@@ -10,7 +10,7 @@ from catenary.robots.model import RobotModel, Tree
 from catenary.robots.plausibility import check_within
 from catenary.spatial import Pose
 
-_MOST_Q = 1e9  # [rad|m] where a float64 steps by 1e-7; beyond, sine and cosine say ever less of an arm
+_MAX_Q = 1e9  # [rad|m] where a float64 steps by 1e-7; beyond, sine and cosine say ever less of an arm
 
 
 class Configuration:
@@ -18,8 +18,8 @@ class Configuration:
 
     def __init__(self, model: RobotModel, q: ArrayLike) -> None:
         rows, self._single = as_batch("q", q, model.n)
-        if np.vdot(rows, rows) > _MOST_Q**2:
-            check_within("q", rows, _MOST_Q, "rad or m")
+        if np.vdot(rows, rows) > _MAX_Q**2:
+            check_within("q", rows, _MAX_Q, "rad or m")
         self.model, nodes = model, len(model.link_names) + 1
         # R_base_i (N, n_tree + 1, 3, 3) and origins (N, n_tree + 1, 3) [m] of the links in the base, which is the last
         self.rotations, self.positions = np.empty((len(rows), nodes, 3, 3)), np.empty((len(rows), nodes, 3))

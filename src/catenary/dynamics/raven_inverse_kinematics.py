@@ -117,38 +117,38 @@ def nearest_within_limits(arm: RavenArm, rotations: Floats, positions: Floats, q
     """Write (N, n) the solutions within the limits nearest to the one before; return N, or the first pose with none."""
     n = len(q_start)
     candidates = np.empty((8, n))
-    near = q_start
+    previous = q_start
     for k in range(len(positions)):
         count, _ = raven_candidates(arm, rotations, positions, k, candidates)
-        best, least = -1, np.inf
+        best, nearest = -1, np.inf
         for c in range(count):
             distance, inside = 0.0, True
             for j in range(n):
-                candidates[c, j] = turned_within_limits(arm, j, candidates[c, j], near[j])
+                candidates[c, j] = turned_within_limits(arm, j, candidates[c, j], previous[j])
                 value = candidates[c, j]
-                distance += (arm.weight[j] * (value - near[j])) ** 2
+                distance += (arm.weight[j] * (value - previous[j])) ** 2
                 inside &= arm.lower[j] - _LIMIT_TOLERANCE <= value <= arm.upper[j] + _LIMIT_TOLERANCE
-            if inside and distance < least:
-                best, least = c, distance
+            if inside and distance < nearest:
+                best, nearest = c, distance
         if best < 0:
             return k
         for j in range(n):
             out[k, j] = min(max(candidates[best, j], arm.lower[j]), arm.upper[j])
-        near = out[k]
+        previous = out[k]
     return len(positions)
 
 
 @compiled
-def turned_within_limits(arm: RavenArm, j: int, value: float, near: float) -> float:
+def turned_within_limits(arm: RavenArm, j: int, value: float, previous: float) -> float:
     """Shift an angle by a whole turn where that is within limits and nearer: the roll spans 364 deg."""
     if j == 2:  # insertion
         return value
-    best, least = value, np.inf
+    best, nearest = value, np.inf
     for turn in (0.0, -2.0 * math.pi, 2.0 * math.pi):
         shifted = value + turn
         inside = arm.lower[j] - _LIMIT_TOLERANCE <= shifted <= arm.upper[j] + _LIMIT_TOLERANCE
-        if inside and abs(shifted - near) < least:
-            best, least = shifted, abs(shifted - near)
+        if inside and abs(shifted - previous) < nearest:
+            best, nearest = shifted, abs(shifted - previous)
     return best
 
 
@@ -215,8 +215,8 @@ def raven_path(
         where = f"pose {solved} of {len(R)}: " if len(R) > 1 else ""
         solutions = np.empty((8, model.n))
         count, distance = raven_candidates(arm, *poses, solved, solutions)
-        near = start if solved == 0 else out[solved - 1]
-        raise UnreachablePoseError(where + _refusal(model, arm, solutions[:count], distance, near))
+        previous = start if solved == 0 else out[solved - 1]
+        raise UnreachablePoseError(where + _refusal(model, arm, solutions[:count], distance, previous))
     return out
 
 
@@ -241,7 +241,7 @@ def _arm(model: RobotModel) -> RavenArm:
     )
 
 
-def _refusal(model: RobotModel, arm: RavenArm, solutions: Floats, distance: float, near: Floats) -> str:
+def _refusal(model: RobotModel, arm: RavenArm, solutions: Floats, distance: float, previous: Floats) -> str:
     if distance <= _REFUSED_RADIUS_M:
         return (
             f'robot "{model.name}": the wrist would lie {1e3 * distance:.2f} mm from the remote centre; '
@@ -251,7 +251,7 @@ def _refusal(model: RobotModel, arm: RavenArm, solutions: Floats, distance: floa
         return f'robot "{model.name}": out of reach: the shaft would lie too near the shoulder\'s axis'
     for q in solutions:
         for j in range(model.n):
-            q[j] = turned_within_limits(arm, j, q[j], near[j])
+            q[j] = turned_within_limits(arm, j, q[j], previous[j])
     excess = arm.weight * np.maximum(np.maximum(model.lower - solutions, solutions - model.upper), 0.0)
     best = int(np.argmin(excess.max(axis=1)))
     refusals = [

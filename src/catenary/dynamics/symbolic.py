@@ -254,16 +254,16 @@ def _turn_to(axis: Floats) -> Floats:
 
 def _rounded(R: Floats) -> Floats:
     """Return a rotation with its entries that are nearly 0 or 1 exactly so."""
-    near = np.round(R)
-    return np.where(np.abs(R - near) < _EXACT_RATIO, near, R)
+    rounded = np.round(R)
+    return np.where(np.abs(R - rounded) < _EXACT_RATIO, rounded, R)
 
 
 def sum_of_terms(terms: Any) -> Term:
     """Return a sum of numbers and symbols."""
-    found: Term = 0.0
+    total: Term = 0.0
     for term in terms:
-        found = term + found
-    return found
+        total = term + total
+    return total
 
 
 def _to_tree(coupling: Floats, rates: Terms | Floats) -> Terms:
@@ -294,20 +294,20 @@ def forward_dynamics_line(model: RobotModel, loads: ActuationLoads | None) -> Li
     p, n = placed(model), model.n
     qd, tau = p.trace.inputs("qd", n), p.trace.inputs("tau", n)
     still = [0.0] * n
-    asked = newton_euler_terms(p, qd, still, moving_base=False)  # type: ignore[arg-type]  # zeros, as symbols would be
+    bias = newton_euler_terms(p, qd, still, moving_base=False)  # type: ignore[arg-type]  # zeros, as symbols would be
     M = mass_matrix_terms(p)
     if loads is not None:
-        asked = _with_loads(p, loads, qd, still, asked)
+        bias = _with_loads(p, loads, qd, still, bias)
         M = [[M[i][j] + float(added) for j, added in enumerate(row)] for i, row in enumerate(loads.rotors)]
-    x: list[Term] = [tau[k] - asked[k] for k in range(n)]
+    x: list[Term] = [tau[k] - bias[k] for k in range(n)]
     L: list[list[Term]] = [[0.0] * n for _ in range(n)]
     D: list[Term] = []
     for j in range(n):
         scaled = [L[j][k] * D[k] for k in range(j)]
         D.append(M[j][j] - sum_of_terms(L[j][k] * scaled[k] for k in range(j)))
         for i in range(j + 1, n):
-            rest = M[i][j] - sum_of_terms(L[i][k] * scaled[k] for k in range(j))
-            L[i][j] = rest / D[j]
+            reduced = M[i][j] - sum_of_terms(L[i][k] * scaled[k] for k in range(j))
+            L[i][j] = reduced / D[j]
     for i in range(n):
         x[i] = x[i] - sum_of_terms(L[i][k] * x[k] for k in range(i))
     x = [x[i] / D[i] for i in range(n)]

@@ -56,10 +56,10 @@ def torque_regressor(
         (2, 20)
     """
     (rows, velocities, accelerations), single = motion_rows(model, q, qd=qd, qdd=qdd)
-    felt = felt_rows(gravity, base, len(rows))
+    base_rows = felt_rows(gravity, base, len(rows))
     out = np.zeros((len(rows), model.n, PER_LINK * len(model.link_names)))
     arm = model.tree, model.coupling, model.offset
-    _regressor_rows(*arm, rows, velocities, accelerations, *felt, out)
+    _regressor_rows(*arm, rows, velocities, accelerations, *base_rows, out)
     return out[0] if single else out
 
 

@@ -176,7 +176,7 @@ class CompactRegressor(OnScreen):
         """The regressor on a level base, and its parameters."""
         rows = [(f"s{k + 1}", label, unit) for k, (label, unit) in enumerate(zip(self.labels, self.units, strict=True))]
         title = f"of {self.model.name}: {self.model.n} joints, {len(rows)} parameters"
-        return Screen(title, [Table(["parameter", "stands for", "unit"], rows, left=3)], formula=self.latex)
+        return Screen(title, [Table(["parameter", "stands for", "unit"], rows, left_aligned=3)], formula=self.latex)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -336,15 +336,15 @@ def compact_regressor(model: RobotModel) -> CompactRegressor:
     tree = model.tree
     n = len(tree.parent)
     prismatic = [int(k) for k in np.flatnonzero(tree.prismatic)]
-    wanted = [RegressorColumn(j, a) for j in range(n) for a in range(3)]
-    wanted += [RegressorColumn(j, CARRIED_MASS) for j in prismatic]
-    effects = _effects(model, wanted)
+    candidates = [RegressorColumn(j, a) for j in range(n) for a in range(3)]
+    candidates += [RegressorColumn(j, CARRIED_MASS) for j in prismatic]
+    effects = _effects(model, candidates)
     merged: dict[frozenset[tuple[str, int]], tuple[Expression, str, list[int]]] = {}  # with unit and sources
     zeros: list[int] = []
     ineffective: list[str] = []
     columns: list[RegressorColumn] = []
     targets: list[int] = []
-    for (link, along), effect in zip(wanted, effects, strict=True):
+    for (link, along), effect in zip(candidates, effects, strict=True):
         if along == CARRIED_MASS:
             expression, unit = mass_expression(model, link), "kg"
             places = [3 * n * (n + 1) + prismatic.index(link)]
@@ -412,10 +412,10 @@ def _compact_line(model: RobotModel, columns: Sequence[RegressorColumn], targets
     return p.trace.line(list(Z.ravel()))
 
 
-def _effects(model: RobotModel, wanted: Sequence[RegressorColumn]) -> list[bool]:
+def _effects(model: RobotModel, columns: Sequence[RegressorColumn]) -> list[bool]:
     """Return the columns that are not zero everywhere, at random configurations and gravities."""
     rng = np.random.default_rng(0)
-    Z = regressor_columns(model, wanted, rng.normal(size=(4, model.n)), rng.normal(size=(4, 3)))
+    Z = regressor_columns(model, columns, rng.normal(size=(4, model.n)), rng.normal(size=(4, 3)))
     largest = np.abs(Z).max(axis=(0, 1), initial=0.0)  # a robot may have no coordinates
     return list(largest > _NO_EFFECT_RATIO * largest.max(initial=0.0))
 
@@ -451,9 +451,9 @@ def gravity_latex(model: RobotModel, gravity: ArrayLike = LEVEL) -> str:
             for atoms, factor in terms.items():
                 rows[-1][atoms] = rows[-1].get(atoms, 0.0) + factor * value
     sizes = [abs(value) for terms in rows for value in terms.values()]
-    least = _ROUNDING_RATIO * max(sizes, default=0.0)
+    cutoff = _ROUNDING_RATIO * max(sizes, default=0.0)
     lines = [f"{name} = {terms_text(terms, latex=True)}" for name, terms in shared.items()]
     for j, terms in enumerate(rows, 1):
-        kept = {atoms: value for atoms, value in terms.items() if abs(value) > least}
+        kept = {atoms: value for atoms, value in terms.items() if abs(value) > cutoff}
         lines.append(f"g_{{{j}}} = {terms_text(kept, latex=True)}")
     return "\n".join(lines)

@@ -125,8 +125,8 @@ def standard_gravity_regressor(model: RobotModel, q: ArrayLike, gravity: ArrayLi
     columns 4 i (mass) to 4 i + 3 (moments about x, y, z of the origin of frame i).
     """
     rows, single = as_batch("q", q, model.n)
-    rest, links = np.zeros_like(rows), len(model.link_names)
-    Y = torque_regressor(model, rows, rest, rest, gravity).reshape(*rows.shape, links, PER_LINK)
+    zeros, links = np.zeros_like(rows), len(model.link_names)
+    Y = torque_regressor(model, rows, zeros, zeros, gravity).reshape(*rows.shape, links, PER_LINK)
     Z = Y[..., : len(_STANDARD_LABELS)].reshape(*rows.shape, links * len(_STANDARD_LABELS))
     return Z[0] if single else Z
 
@@ -167,10 +167,10 @@ def carried_links(tree: Tree, joint: int) -> set[int]:
 
 def carries(tree: Tree) -> NDArray[np.bool_]:
     """Return the links that each joint carries, as flags (n, n)."""
-    found = np.eye(len(tree.parent), dtype=bool)
+    flags = np.eye(len(tree.parent), dtype=bool)
     for i in np.flatnonzero(tree.parent >= 0):
-        found[:, i] |= found[:, tree.parent[i]]
-    return found
+        flags[:, i] |= flags[:, tree.parent[i]]
+    return flags
 
 
 def require_parameters(name: str, values: ArrayLike, labels: Sequence[str]) -> Floats:

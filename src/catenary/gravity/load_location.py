@@ -102,11 +102,11 @@ class LoadHypotheses:
             mass, *moment = self._sizes * body
             carriers.append(CarrierBelief(frame, share, float(mass), self._sizes[0] * deviation, np.array(moment)))
         carriers.sort(key=lambda one: -one.probability)
-        found = LoadBeliefs(none, tuple(carriers))
-        if len(found.likely) < 2:
-            return found
+        beliefs = LoadBeliefs(none, tuple(carriers))
+        if len(beliefs.likely) < 2:
+            return beliefs
         pair = [(one.frame, np.array([one.mass, *one.moment])) for one in carriers[:2]]
-        return found._replace(telling_joint=telling_joint(self._regressor, pair, q, gravity, noise))
+        return beliefs._replace(telling_joint=telling_joint(self._regressor, pair, q, gravity, noise))
 
     def shares(self, beforehand: float | None = None) -> list[float]:
         """Return the probability of no load, and of a load on each frame; see `beliefs`."""
@@ -197,13 +197,13 @@ def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
         names, shares: Hypotheses, and their probabilities up to a factor.
     """
     order = np.argsort([-share for share in shares], kind="stable")
-    total, held, found = sum(shares), 0.0, []
+    total, held, chosen = sum(shares), 0.0, []
     for k in order:
-        found.append(names[k])
+        chosen.append(names[k])
         held += shares[k]
         if held >= _SURE_PROBABILITY * total:
             break
-    return tuple(found)
+    return tuple(chosen)
 
 
 def telling_joint(
@@ -220,16 +220,16 @@ def telling_joint(
     model = regressor.model
     first, *others = (load_directions(regressor, frame) @ load for frame, load in loads)
     difference = first - sum(others, np.zeros_like(first))
-    most, found = _TELLING_DEVIATIONS, None
+    largest, best = _TELLING_DEVIATIONS, None
     for joint, (name, unit) in enumerate(zip(model.joint_names, model.joint_units, strict=True)):
         steps = np.array(_JOINT_STEPS) * (1.0 if unit == "rad" else 0.2)
         poses = np.tile(q, (len(steps), 1))
         poses[:, joint] = np.clip(q[joint] + steps, model.lower[joint], model.upper[joint])
         torque = regressor.Z(poses, gravity) @ difference
         differ = float(np.abs((torque[1:] - (0.0 if others else torque[0])) / noise).max())
-        if differ > 1.05 * most:  # of joints that tell as much, the first
-            most, found = differ, name
-    return found
+        if differ > 1.05 * largest:  # of joints that tell as much, the first
+            largest, best = differ, name
+    return best
 
 
 def location_text(frames: Sequence[str], joint: str | None) -> str:

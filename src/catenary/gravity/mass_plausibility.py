@@ -52,23 +52,23 @@ def _of_link(model: RobotModel, link: int) -> list[str]:
     mass, com, name = float(model.tree.mass[link]), model.tree.com[link], model.link_names[link]
     if mass <= 0.0:
         return []
-    found = []
-    length, off = _beside(model, link, com)
+    doubts = []
+    length, off = _extent_of(model, link, com)
     if off > max(_MAX_COM_OFFSET_M, length):
-        found.append(f"its centre of mass lies {off:.2g} m off the line of its joints and frames, {length:.2g} m long")
+        doubts.append(f"its centre of mass lies {off:.2g} m off the line of its joints and frames, {length:.2g} m long")
     if name not in model.missing_tensor:
         moments = np.linalg.eigvalsh(model.tree.inertia[link])
         axes = np.sqrt(np.maximum(2.5 * (moments.sum() - 2.0 * moments) / mass, 0.0))
         volume = 4.0 / 3.0 * np.pi * float(np.prod(np.maximum(axes, _MIN_AXIS_RATIO * axes.max())))
         if mass > _MAX_DENSITY * volume:
             density = f"{mass / volume / 1000.0:.3g} t/m3" if axes.max() > MIN_GYRATION_M else "a point"
-            found.append(f"{mass:.4g} kg with the inertia of {density}; the densest metal has 22.6 t/m3")
+            doubts.append(f"{mass:.4g} kg with the inertia of {density}; the densest metal has 22.6 t/m3")
         if axes.max() > _MAX_SEMI_AXIS_M:
-            found.append(f"{mass:.4g} kg with the inertia of a body of {axes.max():.3g} m to either side")
-    return [f'link "{name}": {doubt}' for doubt in found]
+            doubts.append(f"{mass:.4g} kg with the inertia of a body of {axes.max():.3g} m to either side")
+    return [f'link "{name}": {doubt}' for doubt in doubts]
 
 
-def _beside(model: RobotModel, link: int, point: Floats) -> tuple[float, float]:
+def _extent_of(model: RobotModel, link: int, point: Floats) -> tuple[float, float]:
     """Return a link's extent between its joints and frames, and a point's distance from the lines between them [m]."""
     ends = [np.zeros(3), *model.tree.origin[model.tree.parent == link]]
     ends += [frame.pose.position for frame in model.frames.values() if frame.link == link]
@@ -83,11 +83,11 @@ def _of_efforts(model: RobotModel) -> list[str]:
     lower = np.where(np.isfinite(model.lower), model.lower, -turn)
     upper = np.maximum(np.where(np.isfinite(model.upper), model.upper, turn), lower)
     q = np.random.default_rng(0).uniform(lower, upper, (_POSE_COUNT, model.n))
-    asked = np.abs(gravity_torque(model, q, LEVEL)).max(axis=0)
-    beyond = np.flatnonzero((model.effort_limit > 0.0) & (asked > model.effort_limit))
-    said = [
-        f"{model.joint_names[i]} up to {asked[i]:.4g} {TORQUE_UNIT[model.joint_units[i]]} "
+    required = np.abs(gravity_torque(model, q, LEVEL)).max(axis=0)
+    beyond = np.flatnonzero((model.effort_limit > 0.0) & (required > model.effort_limit))
+    texts = [
+        f"{model.joint_names[i]} up to {required[i]:.4g} {TORQUE_UNIT[model.joint_units[i]]} "
         f"(its effort limit is {model.effort_limit[i]:.4g})"
         for i in beyond
     ]
-    return [f"gravity asks more than motors give: {', '.join(said)}"] if said else []
+    return [f"gravity asks more than motors give: {', '.join(texts)}"] if texts else []

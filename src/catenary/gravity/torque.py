@@ -182,14 +182,14 @@ def unseen_torque(model: RobotModel, q: ArrayLike, gravity: ArrayLike) -> Floats
         Largest absolute error (n,) [Nm or N]; infinite if unbounded.
     """
     rows = as_array("q", q, (model.n,))[None]
-    rest, down = np.zeros_like(rows), as_array("gravity", gravity, (3,))
+    zeros, down = np.zeros_like(rows), as_array("gravity", gravity, (3,))
     out = np.zeros(model.n)
     if not model.unseen:
         return out
-    Y = torque_regressor(model, rows, rest, rest, down)[0].reshape(model.n, len(model.link_names), -1)
+    Y = torque_regressor(model, rows, zeros, zeros, down)[0].reshape(model.n, len(model.link_names), -1)
     for unseen in model.unseen:
-        felt = np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], unseen.change))
-        out[felt > _FELT] += felt[felt > _FELT] * max(-unseen.low, unseen.high)  # infinite if unbounded
+        effect = np.abs(np.einsum("nlp,lp->n", Y[:, :, :4], unseen.change))
+        out[effect > _FELT] += effect[effect > _FELT] * max(-unseen.low, unseen.high)  # infinite if unbounded
     return out
 
 

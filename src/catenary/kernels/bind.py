@@ -94,13 +94,13 @@ def _check(names: Sequence[str], inputs: Sequence[NDArray[Any]], outputs: Sequen
     for name, array in zip(names, [*inputs, *outputs], strict=True):
         if not isinstance(array, np.ndarray):
             raise InputError(f"{name}: expected a NumPy array, got {type(array).__name__}")
-        wanted = {
+        requirements = {
             "float64, int64, uint8, bool, or named fields of these (arrays in fields: not of bool), in the machine's "
             f"byte order, got {array.dtype}": _is_known(array.dtype),
             f"a C-contiguous array, got shape {array.shape} with strides {array.strides}": array.flags.c_contiguous,
             f"an aligned array, got {array.dtype} at an odd address": array.flags.aligned,
         }
-        for requirement, holds in wanted.items():
+        for requirement, holds in requirements.items():
             if not holds:
                 raise InputError(f"{name}: expected {requirement}")
     written = list(zip(names[len(inputs) :], outputs, strict=True))

@@ -44,14 +44,14 @@ class Functions:
         self.texts: list[str] = []
         self._known: dict[str, _Function] = {}
 
-    def call(self, function: Callable[..., object], given: Sequence[Value], within: "_Function | None" = None) -> Value:
+    def call(self, function: Callable[..., object], args: Sequence[Value], within: "_Function | None" = None) -> Value:
         """Return the call of a function, which is written where it is not known yet."""
         plain = inspect.unwrap(function)
         name = f"PREFIX_{plain.__name__.strip('_')}"
         if name not in self._known:
-            self._known[name] = _Function(name, plain, given, self)
+            self._known[name] = _Function(name, plain, args, self)
         passed = list[str]()
-        for value, (parameter, axes) in zip(given, self._known[name].taken.items(), strict=True):
+        for value, (parameter, axes) in zip(args, self._known[name].taken.items(), strict=True):
             passed += [value.text, *(value.sizes[axis] for axis in axes)]
             if within is not None and parameter in self._known[name].written:
                 within.written.add(value.owner)
@@ -61,16 +61,14 @@ class Functions:
 class _Function:
     """A function as C: plain arithmetic on numbers and on elements, rows and stretches of arrays."""
 
-    def __init__(
-        self, name: str, function: Callable[..., object], given: Sequence[Value], functions: Functions
-    ) -> None:
+    def __init__(self, name: str, function: Callable[..., object], args: Sequence[Value], functions: Functions) -> None:
         self._globals, self._functions = function.__globals__, functions
         self._refusal = f"model: its step {function.__name__} cannot be written as C"
         (tree,) = ast.parse(inspect.getsource(function)).body
         assert isinstance(tree, ast.FunctionDef)  # for the type checker
         self.kind, self.written = "void", set[str]()  # what it returns, and the arrays that it writes
         self._scope: dict[str, Value] = {}
-        for argument, value in zip((parameter.arg for parameter in tree.args.args), given, strict=True):
+        for argument, value in zip((parameter.arg for parameter in tree.args.args), args, strict=True):
             sizes = tuple(f"{argument}_{axis}" for axis in range(len(value.sizes)))
             self._scope[argument] = Value(argument, value.kind, sizes, argument)
         parameters = dict(self._scope)

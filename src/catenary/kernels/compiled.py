@@ -33,7 +33,7 @@ from catenary.operating_system import reserve, user_id
 
 _log = logging.getLogger(__name__)
 in_motion: ContextVar[bool] = ContextVar("in_motion", default=False)  # a loop moves a robot: nothing may be compiled
-_told: list[object] = []  # why code is compiled in memory
+_reasons: list[object] = []  # why code is compiled in memory
 _OTHERS_WRITE_BITS = stat.S_IWGRP | stat.S_IWOTH
 _OTHERS_BITS = stat.S_IRWXG | stat.S_IRWXO
 _ROOM_BYTES = 4 << 20  # [B]; ten times the largest function
@@ -48,12 +48,12 @@ def cache_folder() -> Path:
     return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "catenary" / "kernels"
 
 
-def tell_in_memory(why: object) -> None:
+def warn_in_memory(why: object) -> None:
     """Say once that nothing is kept on disk, and why; what this process starts need not say it again."""
     from multiprocessing import parent_process
 
-    if not _told and parent_process() is None:
-        _told.append(why)
+    if not _reasons and parent_process() is None:
+        _reasons.append(why)
         _log.warning(
             "compiled code cannot be kept for the next start (%s): each start compiles again, for seconds to a minute; "
             "it is kept in a folder of this account's own that XDG_CACHE_HOME names",
@@ -178,9 +178,9 @@ def _from_numba(function: Callable[..., object], options: dict[str, Any]) -> Any
                 _forget_older_code(folder, source)
             return code
         except OSError as error:
-            tell_in_memory(error)
+            warn_in_memory(error)
         except RuntimeError:  # numba's; or there is no home
-            tell_in_memory(f"neither {source.parent} nor ~/.cache can be written to")
+            warn_in_memory(f"neither {source.parent} nor ~/.cache can be written to")
     return numba.njit(**{**options, "cache": False}, error_model="numpy")(function)
 
 
@@ -214,12 +214,12 @@ def start_numba() -> ModuleType:
     return numba
 
 
-def load_module(stem: str, text: str, given: dict[str, Any], folder: Path | None = None) -> ModuleType:
+def load_module(stem: str, text: str, namespace: dict[str, Any], folder: Path | None = None) -> ModuleType:
     """Run a module's text, once in a process; its machine code is cached where that is safe.
 
     The text may use `@compiled` and `@compiled_for(SIGNATURE)`, which compiles for one signature of numba's, refuses
     others with TypeError, and keeps Python's lock: to give it takes as long as a torque. Where the module's `__file__`
-    is None it is in memory. The file's name begins with `stem`; what the names `given` are must follow from the text.
+    is None it is in memory. The file's name begins with `stem`; the text must determine `namespace`.
     """
     digest = sha256(text.encode()).hexdigest()[:32]
     name = f"_catenary_kernel_{digest}"
@@ -230,7 +230,7 @@ def load_module(stem: str, text: str, given: dict[str, Any], folder: Path | None
     module = ModuleType(name)
     module.__file__ = str(path) if cached else None
     module.__dict__.update(
-        given,
+        namespace,
         compiled=lambda function: Compiled(function, cache=cached, nogil=True),
         compiled_for=lambda signature: lambda function: Compiled(function, signature, cache=cached),
     )
@@ -261,7 +261,7 @@ def _kept(name: str, content: bytes, folder: Path | None) -> Path | None:
                 remove(cached)
         check_room(path.parent)
     except (OSError, RuntimeError) as error:  # RuntimeError: no home
-        tell_in_memory(error)
+        warn_in_memory(error)
         return None
     return path
 

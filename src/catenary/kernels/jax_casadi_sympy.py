@@ -59,23 +59,23 @@ def jax_function(line: Line, shape: tuple[int, ...]) -> JaxFunction:
     widths = widths_of(line)
     steps = sorted({r[1] for r in line.results if not isinstance(r, float)})
     place = {step: k for k, step in enumerate(steps)}
-    wanted = line._replace(results=tuple((1, step) for step in steps))
+    needed = line._replace(results=tuple((1, step) for step in steps))
     constant = np.array([r if isinstance(r, float) else 0.0 for r in line.results])
     sign = np.array([0.0 if isinstance(r, float) else float(r[0]) for r in line.results])
     source = np.array([0 if isinstance(r, float) else place[r[1]] for r in line.results], dtype=int)
 
-    def function(*given: Any, **named: Any) -> Any:
-        named.update(zip(widths, given, strict=False))
-        if len(given) > len(widths) or set(named) != set(widths):
-            raise InputError(f"expected {', '.join(widths)}, got {len(given)} arrays and {', '.join(named)}")
+    def function(*positional: Any, **named: Any) -> Any:
+        named.update(zip(widths, positional, strict=False))
+        if len(positional) > len(widths) or set(named) != set(widths):
+            raise InputError(f"expected {', '.join(widths)}, got {len(positional)} arrays and {', '.join(named)}")
         arrays = {name: jnp.asarray(named[name], dtype=jnp.float64) for name in widths}
         for name, array in arrays.items():
             if array.shape != (widths[name],):
                 raise InputError(f"{name}: expected shape ({widths[name]},), got {array.shape}; jax.vmap takes batches")
         if not steps:
             return constant.reshape(shape)
-        found = jnp.stack(evaluate_line(wanted, sine=jnp.sin, cosine=jnp.cos, functions=_functions(jnp), **arrays))
-        return (constant + sign * found[source]).reshape(shape)
+        values = jnp.stack(evaluate_line(needed, sine=jnp.sin, cosine=jnp.cos, functions=_functions(jnp), **arrays))
+        return (constant + sign * values[source]).reshape(shape)
 
     return jax.jit(function)
 

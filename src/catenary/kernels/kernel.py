@@ -55,18 +55,18 @@ class Kernel:
 
     def __call__(self, *inputs: ArrayLike) -> Floats:
         """Return the quantity at one configuration, a new array."""
-        found = self.of_finite(inputs)
-        if found is None:
+        out = self.of_finite(inputs)
+        if out is None:
             widths = zip(self.inputs.items(), self._counted(inputs), strict=True)
-            found = np.empty(self.shape)
-            self._single(*(as_array(name, each, (n,), finite=False) for (name, n), each in widths), found)
-        return found
+            out = np.empty(self.shape)
+            self._single(*(as_array(name, array, (n,), finite=False) for (name, n), array in widths), out)
+        return out
 
     def of_finite(self, inputs: tuple[ArrayLike, ...]) -> Floats | None:
         """Return the quantity at one configuration; None where inputs are not finite float64 arrays of its size."""
-        for given in inputs:
+        for array in inputs:
             # numba would refuse other arrays too, but in 300 us
-            if type(given) is not _NDARRAY or given.dtype is not _FLOAT64 or given.strides != _CONTIGUOUS_STRIDES:
+            if type(array) is not _NDARRAY or array.dtype is not _FLOAT64 or array.strides != _CONTIGUOUS_STRIDES:
                 return None
         out = np.empty(self.shape)
         try:
@@ -90,8 +90,8 @@ class Kernel:
         Memory that is used again, `out` (N, ...), contiguous, saves up to half the time.
         """
         arrays = [
-            as_array(name, given, (None, width), finite=False)
-            for (name, width), given in zip(self.inputs.items(), self._counted(inputs), strict=True)
+            as_array(name, value, (None, width), finite=False)
+            for (name, width), value in zip(self.inputs.items(), self._counted(inputs), strict=True)
         ]
         count = next((len(array) for array in arrays if len(array) != 1), 1)
         for name, array in zip(self.inputs, arrays, strict=True):
@@ -118,8 +118,8 @@ class Kernel:
         single = self._functions.single
         return getattr(single, "code", single)  # numba's own
 
-    def _counted(self, given: tuple[Any, ...], *further: str) -> tuple[Any, ...]:
+    def _counted(self, arrays: tuple[Any, ...], *further: str) -> tuple[Any, ...]:
         names = [*self.inputs, *further]
-        if len(given) != len(names):
-            raise InputError(f"{self.name}: expected {len(names)} arrays ({', '.join(names)}), got {len(given)}")
-        return given
+        if len(arrays) != len(names):
+            raise InputError(f"{self.name}: expected {len(names)} arrays ({', '.join(names)}), got {len(arrays)}")
+        return arrays

@@ -67,10 +67,10 @@ def line_code(line: Line, lanes: int = 1) -> Any:
 
     @numba.extending.intrinsic  # type: ignore[untyped-decorator]  # numba has no types
     def code(typingctx: Any, arrays: Any, first: Any, step: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             places: dict[str, tuple[Any, Any, Any]] = {}
             for i, name in enumerate(names):
-                array, at, behind = (builder.extract_value(value, i) for value in given)
+                array, at, behind = (builder.extract_value(value, i) for value in arguments)
                 data = context.make_array(signature.args[0].types[i])(context, builder, array).data
                 places[name] = data, at, behind
 
@@ -172,7 +172,7 @@ def _sines_of_vectors(builder: Any, angles: Sequence[Any]) -> list[tuple[Any, An
     mask = builder.bitcast(small, ir.IntType(_LANES))
     with builder.if_else(builder.icmp_unsigned("==", mask, mask.type(2**_LANES - 1)), likely=True) as (quick, slow):
         with quick:
-            found = [_small(builder, angle) for angle in angles]
+            quick_pairs = [_small(builder, angle) for angle in angles]
             quick_block = builder.block
         with slow:
             any_angle = _any_angle(builder.module)
@@ -184,7 +184,7 @@ def _sines_of_vectors(builder: Any, angles: Sequence[Any]) -> list[tuple[Any, An
                 )
             slow_block = builder.block
     merged = []
-    for quick_pair, slow_pair in zip(found, called, strict=True):
+    for quick_pair, slow_pair in zip(quick_pairs, called, strict=True):
         phis = [builder.phi(_VECTOR), builder.phi(_VECTOR)]
         for phi, ours, theirs in zip(phis, quick_pair, slow_pair, strict=True):
             phi.add_incoming(ours, quick_block)
@@ -212,11 +212,11 @@ def _any_angle(module: Any) -> Any:
         both = builder.insert_value(ir.Constant(pair, ir.Undefined), sine, 0)
         builder.ret(builder.insert_value(both, cosine, 1))
 
-    near = builder.and_(
+    in_range = builder.and_(
         builder.fcmp_ordered("<=", angle, _NUMBER(LARGEST_ANGLE_RAD)),
         builder.fcmp_ordered(">=", angle, _NUMBER(-LARGEST_ANGLE_RAD)),
     )
-    with builder.if_then(near):
+    with builder.if_then(in_range):
         give(*_small(builder, angle))
     kind = ir.FunctionType(_NUMBER, [_NUMBER])
     library = [module.globals.get(name) or ir.Function(module, kind, name=name) for name in ANGLES]

@@ -108,9 +108,9 @@ class CalibratedPublishers:
         place = calibrated_namespace(client.arm, client.namespace)
         self._publishers = {verb: client.transport.publisher(f"{place}/{verb}", kind) for verb, kind in types.items()}
         # what is compiled on first use is compiled here, not when messages wait
-        rest = np.zeros(len(self._names))
-        self._tool.pose(rest)
-        self._torque(rest, rest[:3])
+        zeros = np.zeros(len(self._names))
+        self._tool.pose(zeros)
+        self._torque(zeros, zeros[:3])
 
     def publish(self, stamp: int, state: JointState, q: Floats, widths: Floats, *, is_valid: bool) -> None:
         """Publish corrected positions q (n,) of a state, stamped as the robot did [ns]; `widths` of the model's joints.
@@ -163,16 +163,16 @@ class CalibratedTopics:
         n = len(client.joint_names)
         self._out, self._inside, self._interval = np.empty(n), np.empty(n, dtype=bool), np.empty(n)
         # what is compiled on first use is compiled here, not when messages wait
-        rest = np.zeros(n)
+        zeros = np.zeros(n)
         self._corrector.correct_state(
-            JointState(0.0, rest, rest, rest, rest, np.zeros(3), np.inf), self._out, self._inside, self._interval
+            JointState(0.0, zeros, zeros, zeros, zeros, np.zeros(3), np.inf), self._out, self._inside, self._interval
         )
-        self._begin_anew()
+        self._reset()
         self._latency = Durations()
         self._messages = client.transport.subscribe(client.measured_topic, JOINT_STATE, depth=_WAITING_MESSAGES)
         self._begin = self._last = client.transport.steady()
         self.is_silent = False  # nothing has come from the robot for longer than the client allows
-        self._told = WireReport(model.joint_names)
+        self._counts = WireReport(model.joint_names)
         self.stale: tuple[str, ...] = ()  # inputs that are too old, in words
         # torques and the like come on other topics than positions; published torques go by gravity
         self._has_other_inputs = gravity_torque or any(not signal.startswith("q:") for signal in model.features.signals)
@@ -181,18 +181,18 @@ class CalibratedTopics:
 
     def step(self, timeout: float = 0.0) -> int:
         """Correct and publish what has come; wait for the first up to `timeout` [s]; return how many were published."""
-        before = self._told.published
+        before = self._counts.published
         came = self._messages.take(timeout)
         for received in came:
             if self._note_silence(received.time):  # another motion begins, perhaps another robot's
-                self._begin_anew()
+                self._reset()
                 self._stamps = None
             self.is_silent = False
             self._last = received.time
-            self._told.messages += 1
+            self._counts.messages += 1
             self._correct(received, is_newest=received is came[-1])
         self._note_silence(self._client.transport.steady())
-        return self._told.published - before
+        return self._counts.published - before
 
     def run(self, seconds: float) -> WireReport:
         """Go on for some time [s], or until Ctrl-C when that is infinite; robots may come and go."""
@@ -207,12 +207,12 @@ class CalibratedTopics:
         if self._stamps is not None and self._stamps[1] > self._stamps[0]:
             rate = self._stamps[2] * SECOND / (self._stamps[1] - self._stamps[0])
         return replace(
-            self._told,
+            self._counts,
             seconds=(self._client.transport.steady() - self._begin) / SECOND,
             rate_hz=rate,
             latency=self._latency.timing(),
             missed=self._messages.overflowed,
-            outside=tuple((self._outside / max(1, self._told.published)).tolist()),
+            outside=tuple((self._outside / max(1, self._counts.published)).tolist()),
             leaps=self._corrector.leaps,
         )
 
@@ -221,47 +221,47 @@ class CalibratedTopics:
         self._messages.close()
         self._publishers.close()
 
-    def _begin_anew(self) -> None:
+    def _reset(self) -> None:
         self._corrector.reset()
         self._slow = SlowTorque(1.0 / self._corrector.rate_hz)
 
     def _note_silence(self, now: int) -> bool:
         """Return True if there has been a silence until `now` [ns]; each is counted once, when it is noticed."""
         silence = (now - self._last) / SECOND
-        self._told.longest_silence = max(self._told.longest_silence, silence)
+        self._counts.longest_silence = max(self._counts.longest_silence, silence)
         if silence <= self._client.stale_after:
             return False
         if not self.is_silent:
-            self._told.silences += 1
+            self._counts.silences += 1
             self.is_silent = True
         return True
 
     def _correct(self, received: Received, *, is_newest: bool) -> None:
         stamp, now = received.message.header.stamp, self._client.transport.steady
         if not self._is_homed():
-            self._told.not_homed += 1
-            self._begin_anew()
+            self._counts.not_homed += 1
+            self._reset()
             return
         try:
             state = self._client.state_of(received.message)
         except CatenaryError:
-            self._told.unreadable += 1
-            self._begin_anew()
+            self._counts.unreadable += 1
+            self._reset()
             return
         self.stale = self._client.stale_inputs() if self._has_other_inputs else ()
-        self._told.stale += bool(self.stale)
+        self._counts.stale += bool(self.stale)
         first, _, count = self._stamps if self._stamps is not None else (stamp, stamp, -1)
         self._stamps = (first, stamp, count + 1)
         known = state._replace(tau=self._slow.of(state.tau)) if self._for_control else state
         self._corrector.correct_state(known, self._out, self._inside, self._interval)
         if not is_newest and now() - received.time > _LATE_AFTER_S * SECOND:
-            self._told.late += 1
+            self._counts.late += 1
             return
         inside = self._inside[self._places]
         self._outside += ~inside
         is_valid = bool(inside.all()) and not self.stale
         self._publishers.publish(stamp, state, self._out, self._interval[self._places], is_valid=is_valid)
-        self._told.published += 1
+        self._counts.published += 1
         self._latency.add(max(0, now() - received.time) / SECOND)
 
     def _is_homed(self) -> bool:

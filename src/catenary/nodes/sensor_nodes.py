@@ -52,9 +52,9 @@ class GravityStatus(NamedTuple):
     def warnings(self) -> tuple[str, ...]:
         """Faults, each with its name and what to do."""
         hints = {Fault.GRAVITY_STRIPPED: f"; {_STRIPPED_HINT}"}
-        found = tuple(f"{fault.names[0]}: {fault.message}{hints.get(fault, '')}" for fault in self.reading.faults)
-        said = (f"the gyroscope: {self.remedy}" if self.remedy else "", self.complaint)
-        return (*found, *filter(None, said))
+        faults = tuple(f"{fault.names[0]}: {fault.message}{hints.get(fault, '')}" for fault in self.reading.faults)
+        remarks = (f"the gyroscope: {self.remedy}" if self.remedy else "", self.complaint)
+        return (*faults, *filter(None, remarks))
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in SI and degrees where the name says so."""
@@ -124,7 +124,7 @@ class GravityNode:
             self._kernels = holding_kernel(arm.model), gravity_kernel(arm.model)
             self._joints = Latest(transport, arm.joints, "sensor_msgs/JointState")
             self._delta = transport.publisher(f"{topic}/delta", "sensor_msgs/JointState")
-        self._stamps, self._said, self._said_at = Stamps(transport.clock), "", -np.inf
+        self._stamps, self._last_status, self._last_status_at = Stamps(transport.clock), "", -np.inf
 
     def step(self) -> GravityReading:
         """Read the source now, and publish."""
@@ -149,16 +149,16 @@ class GravityNode:
             self._magnitude.publish(message_class("std_msgs/Float64")(float(np.linalg.norm(reading.gravity))))
             self.published += 1
         if self._script is not None and reading.status is ReadingStatus.LIVE:
-            self._tell_robot(self._script, reading, time)
+            self._send_to_robot(self._script, reading, time)
         if self._arm is not None:
-            self._tell_left_over(self._arm, reading, stamp)
+            self._publish_delta(self._arm, reading, stamp)
         text = " ".join((reading.status.value, *reading.faults.names))
-        if text != self._said or time - self._said_at >= _STATUS_EVERY_S:
-            self._said, self._said_at = text, time
+        if text != self._last_status or time - self._last_status_at >= _STATUS_EVERY_S:
+            self._last_status, self._last_status_at = text, time
             self._status.publish(message_class("crtk_msgs/StringStamped")(header(stamp, self.frame_id), text))
         return reading
 
-    def _tell_left_over(self, arm: LevelBaseArm, reading: GravityReading, stamp: int) -> None:
+    def _publish_delta(self, arm: LevelBaseArm, reading: GravityReading, stamp: int) -> None:
         names, message = arm.model.joint_names, self._joints.fresh(_JOINTS_HELD_S)
         if message is None:
             self.complaint = f"no delta: no joints on {arm.joints}"
@@ -172,7 +172,7 @@ class GravityNode:
         beyond = holding(q, reading.gravity, *reading.base_rates) - gravity(q, LEVEL)
         self._delta.publish(joint_state_message(names, stamp, effort=beyond))
 
-    def _tell_robot(self, script: Publisher, reading: GravityReading, time: float) -> None:
+    def _send_to_robot(self, script: Publisher, reading: GravityReading, time: float) -> None:
         """Send a Universal Robot's controller gravity that has changed, in a program beside the one that runs."""
         moved = float(np.linalg.norm(reading.gravity - self._scripted))
         if moved < _SCRIPT_CHANGE or time - self._scripted_at < _SCRIPT_EVERY_S:

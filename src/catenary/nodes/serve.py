@@ -218,9 +218,9 @@ def serve(
             if deadline > now:
                 time.sleep(deadline - now)
             elif now - deadline > _CATCH_UP_S:
-                given_up = int((now - deadline) / period)
-                lost += given_up
-                deadline += given_up * period
+                skipped = int((now - deadline) / period)
+                lost += skipped
+                deadline += skipped * period
     except KeyboardInterrupt as stop:  # how a server is ended; of a signal it is the name
         ended_by = str(stop) or "Ctrl-C"
     finally:
@@ -256,8 +256,8 @@ class ParkedArm(NeverMoved):
         n = len(joint_names)
         place = as_array("q", q, (n,))
         self.lower, self.upper = place.copy(), place.copy()
-        rest = np.zeros(n)
-        self._state = JointState(0.0, place, rest, rest, np.zeros(0), LEVEL.copy(), np.inf)
+        zeros = np.zeros(n)
+        self._state = JointState(0.0, place, zeros, zeros, np.zeros(0), LEVEL.copy(), np.inf)
 
     def measured_js(self) -> JointState:
         """Where it stands."""

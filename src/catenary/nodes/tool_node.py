@@ -95,7 +95,7 @@ class ToolNode:
         self._frame = sensor_frame if tool is None else tool.frame or None
         self._motion, self._rests = JointMotion(model.n, wait), RestPoses(model, self._frame)
         self._compensation = None if tool is None else ToolCompensation(model, tool, **self._how)
-        self._waiting, self._said, self._said_at = list[tuple[float, Message]](), "", -math.inf
+        self._waiting, self._last_status, self._last_status_at = list[tuple[float, Message]](), "", -math.inf
         self._heard = -math.inf  # [s] when a reading came last
         self._complaint = self._refusal = ""  # what the last reading lacked; why a command, or a weighing, was in vain
         self._last, self.published, self._age_s = ToolReading(np.full(6, np.nan), np.full(6, np.nan)), 0, math.inf
@@ -108,9 +108,9 @@ class ToolNode:
     def step(self) -> int:
         """Publish what readings have come for since the last call; return how many."""
         for message, _ in self._commands.take():
-            self._obey(message.data.strip())
+            self._execute(message.data.strip())
         for time, message in self._take(self._states):
-            self._hear_joints(time, message)
+            self._receive_joints(time, message)
         before = self.published
         readings = self._take(self._readings)
         self._heard = self.transport.steady() / SECOND if readings else self._heard
@@ -118,20 +118,20 @@ class ToolNode:
         while self._waiting and self._is_due(self._waiting[0][0]):
             self._read(*self._waiting.pop(0))
         now, text = self.transport.steady() / SECOND, "; ".join((self._text(), *self._warnings()))
-        if text != self._said or now - self._said_at >= _STATUS_EVERY_S:
-            self._said, self._said_at = text, now
+        if text != self._last_status or now - self._last_status_at >= _STATUS_EVERY_S:
+            self._last_status, self._last_status_at = text, now
             self._status.publish(message_class("std_msgs/String")(text))
         return self.published - before
 
     def _take(self, subscription: Subscription) -> list[tuple[float, Message]]:
         """Return a new message with its time [s], by its stamp where the sender's clock is ours."""
-        found, by = [], self.transport.clock.set_by()
+        received, by = [], self.transport.clock.set_by()
         for message, arrived in subscription.take():
             stamp = message.header.stamp - by if message.header.stamp else arrived
-            found.append(((stamp if abs(stamp - arrived) < _CLOCKS_APART_S * SECOND else arrived) / SECOND, message))
-        return found
+            received.append(((stamp if abs(stamp - arrived) < _CLOCKS_APART_S * SECOND else arrived) / SECOND, message))
+        return received
 
-    def _obey(self, command: str) -> None:
+    def _execute(self, command: str) -> None:
         if command == "zero" and self._compensation is not None:
             self._compensation.begin_zero(self.transport.steady() / SECOND)
         elif command == "weigh":
@@ -140,7 +140,7 @@ class ToolNode:
         else:
             self._refusal = f'command "{command}": expected weigh, or zero once the tool is known'
 
-    def _hear_joints(self, time: float, message: Message) -> None:
+    def _receive_joints(self, time: float, message: Message) -> None:
         names = self.model.joint_names
         q, qd = (
             np.array([dict(zip(message.name, values, strict=False)).get(name, math.nan) for name in names])

@@ -149,7 +149,7 @@ def further_columns(columns: Sequence[str], arm: Arm) -> dict[str, tuple[str, st
             if name in ("jpos", "tau") and label.startswith(arm):
                 continue
             # the other arm's name is the prefix, so that its tau is not in the group tau
-            whose, _, rest = label.partition("_")
+            whose, _, axis = label.partition("_")
             first = "" if whose in ("", arm) else f"{whose}_"
-            signals[f"{first}{name}:{rest}" if rest else f"{first}{name}"] = path, unit
+            signals[f"{first}{name}:{axis}" if axis else f"{first}{name}"] = path, unit
     return signals

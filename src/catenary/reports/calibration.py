@@ -215,10 +215,10 @@ def card_facts(card: Card) -> list[tuple[str, str]]:
     ]
 
 
-def first_names(names: Sequence[str], most: int = 8) -> str:
-    """Return the first `most` names of a list, and the number of the others."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def first_names(names: Sequence[str], count: int = 8) -> str:
+    """Return the first `count` names of a list, and the number of the others."""
+    more = f" and {len(names) - count} more" if len(names) > count else ""
+    return ", ".join(names[:count]) + more
 
 
 class JointGain(NamedTuple):
@@ -266,8 +266,8 @@ def headline(
 
 def _numbers(gains: Sequence[JointGain]) -> str:
     """Return errors before and after as text, for the most improved joints if there are many."""
-    most = sorted(gains, key=lambda gain: gain.after / gain.before if gain.before > 0.0 else 1.0)[:_MAX_NAMED_JOINTS]
-    texts = [f"from {g.before:.3f} to {g.after:.3f} {g.unit} ({g.name})" for g in gains if g in most]
+    best = sorted(gains, key=lambda gain: gain.after / gain.before if gain.before > 0.0 else 1.0)[:_MAX_NAMED_JOINTS]
+    texts = [f"from {g.before:.3f} to {g.after:.3f} {g.unit} ({g.name})" for g in gains if g in best]
     more = len(gains) - len(texts)
     return ", ".join(texts) + (f", and those of {more} more below" if more > 0 else "")
 

@@ -76,13 +76,13 @@ def mass_table(result: Identification) -> Table | None:
     """Return a table of identified masses and centres of mass beside those of the robot's file; None without them."""
     if not result.prior or result.phi is None:
         return None
-    robot, given = result.robot(), result.model
+    robot, described = result.robot(), result.model
     columns: list[Column] = ["link", ("mass [kg]", ":.3g"), ("file's [kg]", ":.3g"), ("ratio", ":.2f")]
     columns.append(("distance of centres [mm]", ":.0f"))
-    links = [i for i in result.base.parameters.links if given.tree.mass[i] > 0.0]
-    mass, own = robot.tree.mass[links], given.tree.mass[links]
-    apart = 1000.0 * np.linalg.norm(robot.tree.com[links] - given.tree.com[links], axis=1)
-    rows = list(zip((given.link_names[i] for i in links), mass, own, mass / own, apart, strict=True))
+    links = [i for i in result.base.parameters.links if described.tree.mass[i] > 0.0]
+    mass, own = robot.tree.mass[links], described.tree.mass[links]
+    apart = 1000.0 * np.linalg.norm(robot.tree.com[links] - described.tree.com[links], axis=1)
+    rows = list(zip((described.link_names[i] for i in links), mass, own, mass / own, apart, strict=True))
     return Table(columns, rows, "Links beside the robot's file; single masses are regularised to it, not measured")
 
 

@@ -61,8 +61,8 @@ def coverage_table(evaluation: Evaluation) -> Table | None:
     verdicts = dict(zip(evaluation.joints, coverage_verdicts(evaluation), strict=True))
     columns: list[Column] = [("joint", "name"), "unit", (f"half-width {unit}", "half_width:.3f")]
     columns += [("held [% of rows]", "coverage:.3g %"), ("verdict", verdicts.__getitem__)]
-    asked = f"{100.0 * evaluation.level:.3g} %"
-    return Table(columns, evaluation.joints, f"Errors within the model's intervals, nominal coverage {asked}")
+    nominal = f"{100.0 * evaluation.level:.3g} %"
+    return Table(columns, evaluation.joints, f"Errors within the model's intervals, nominal coverage {nominal}")
 
 
 def coverage_blocks(evaluation: Evaluation) -> list[Block]:

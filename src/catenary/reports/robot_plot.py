@@ -290,20 +290,20 @@ def _draw_unit(axes: Any, model: RobotModel, q: Floats, tau: Floats, unit: str, 
     for side in (-1.0, 1.0):
         axes.vlines(side * limits[shown], rows[shown] - 0.4, rows[shown] + 0.4, color=_LIMIT_COLOR, linewidth=1.5)
     # values are written beside the bars, so that short bars are readable
-    least, most = np.minimum(own.min(axis=0), 0.0), np.maximum(own.max(axis=0), 0.0)
+    lowest, highest = np.minimum(own.min(axis=0), 0.0), np.maximum(own.max(axis=0), 0.0)
     for row, (value, limit) in enumerate(zip(own[0], limits, strict=True)):
         share = f" ({100.0 * abs(value) / limit:.0f} % of {limit:g})" if np.isfinite(limit) else ""
         text = f"{value:.3g}{share}" if abs(value) > _ROUNDING_TORQUE else "0"
-        end, where, away = (least[row], "right", -4.0) if value < 0.0 else (most[row], "left", 4.0)
+        end, where, away = (lowest[row], "right", -4.0) if value < 0.0 else (highest[row], "left", 4.0)
         box = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 0.8}
         style = {"fontsize": 8, "va": "center", "ha": where, "bbox": box}
         axes.annotate(text, (end, row), xytext=(away, 0.0), textcoords="offset points", **style)
-    low, high = min([*least, *-limits[shown]]), max([*most, *limits[shown]])
+    low, high = min([*lowest, *-limits[shown]]), max([*highest, *limits[shown]])
     # margin for the text at the ends, relative to the whole width
     written = _WIDE_TEXT_SHARE if np.isfinite(limits).any() else _SHORT_TEXT_SHARE
-    left = written if (own[0] < -_ROUNDING_TORQUE).any() else 0.02
-    whole = (high - low) / (1.0 - left - written) if high > low else 1.0
-    axes.set_xlim(low - left * whole, high + written * whole)
+    margin = written if (own[0] < -_ROUNDING_TORQUE).any() else 0.02
+    whole = (high - low) / (1.0 - margin - written) if high > low else 1.0
+    axes.set_xlim(low - margin * whole, high + written * whole)
     axes.axvline(0.0, color=_RANGE_COLOR, linewidth=0.6)
     axes.set_yticks(rows, [_name(model, j, q[j]) for j in joints], fontsize=8)
     axes.set_ylim(len(joints) - 0.5, -0.5)

@@ -22,19 +22,19 @@ from catenary.robots.plausibility import MAX_FACTOR, MAX_LENGTH_M, check_names, 
 Weighting = Literal["none", "range", "spread", "residual"]
 
 
-def _combination(given: Any, info: ValidationInfo) -> Floats:
+def _combination(value: Any, info: ValidationInfo) -> Floats:
     """Read a combination: a row, or factors by the names of coordinates, which are the context."""
-    if not isinstance(given, dict):
-        return Listed().read(given)
+    if not isinstance(value, dict):
+        return Listed().read(value)
     names = info.context or ()
-    for name, factor in given.items():
+    for name, factor in value.items():
         if name not in names:
             raise ValueError(f'acts on unknown coordinate "{name}"; coordinates: {", ".join(names)}')
         if type(factor) not in (int, float) or not np.isfinite(factor):
             raise ValueError(f'factor of "{name}": expected a finite number')
-    if not given:
+    if not value:
         raise ValueError("expected at least one coordinate")
-    return np.array([given.get(name, 0.0) for name in names], dtype=float)
+    return np.array([value.get(name, 0.0) for name in names], dtype=float)
 
 
 Combination = Annotated[Floats, PlainValidator(_combination), PlainSerializer(np.ndarray.tolist)]  # (n,)
@@ -83,8 +83,8 @@ class Friction(_FrictionParts):  # type: ignore[misc]  # its fields are those of
     @property
     def parts(self) -> dict[str, float]:
         """The scale of each term that is set, by its kind; 0 for terms without."""
-        given = {kind: getattr(self, kind) for kind in FRICTION_TERMS}
-        return {kind: 0.0 if value is True else value for kind, value in given.items() if value}
+        scales = {kind: getattr(self, kind) for kind in FRICTION_TERMS}
+        return {kind: 0.0 if value is True else value for kind, value in scales.items() if value}
 
     def only(self, kept: Callable[[FrictionTerm], bool], **changes: str) -> "Friction":
         """Return the actuation with some of its terms."""
@@ -310,11 +310,11 @@ def joint_drives(actuation: Actuation, n: int) -> JointDrives | None:
 def check_actuation(where: str, actuation: Actuation, n: int) -> None:
     """Refuse effects that do not fit the robot."""
     for kind in ("friction", "motor_inertia", "springs", "known_torques"):
-        said, terms = f"{where}: {kind.replace('_', ' ')}", getattr(actuation, kind)
+        label, terms = f"{where}: {kind.replace('_', ' ')}", getattr(actuation, kind)
         names = [term.name for term in terms]
-        check_names(said, names)
+        check_names(label, names)
         for term in terms:
-            what = f'{said} "{term.name}"'
+            what = f'{label} "{term.name}"'
             if names.count(term.name) > 1:
                 raise InputError(f"{what}: is there twice")
             if term.combination.shape != (n,) or not np.isfinite(term.combination).all():

@@ -7,7 +7,7 @@ from importlib.resources import as_file, files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from catenary.bounded_parsers import MOST_XML, cut, read_bounded, xml_root_tag
+from catenary.bounded_parsers import MAX_XML_BYTES, cut, read_bounded, xml_root_tag
 from catenary.errors import FileFormatError, InputError
 from catenary.robots.model import Massless, RobotModel
 
@@ -106,7 +106,7 @@ def load_open(path: Path, *, massless: Massless = ()) -> RobotModel:
             instrument = description_of(path, described.instrument)
             return as_described(load_dvrk(description, instrument=instrument, massless=chosen), path, described)
     if kind in (".urdf", ".xml", ".mjcf"):
-        kind = f"<{xml_root_tag(read_bounded(path, MOST_XML), str(path))}>"
+        kind = f"<{xml_root_tag(read_bounded(path, MAX_XML_BYTES), str(path))}>"
         if kind not in _READERS:
             raise FileFormatError(f"{path}: root element {cut(kind)}: expected <robot> (URDF) or <mujoco> (MJCF)")
     if kind == ".xacro":
@@ -126,8 +126,8 @@ def load_text(text: str, *, massless: Massless = ()) -> RobotModel:
     from catenary.robots.urdf import parse_urdf
 
     where, content = "robot description", text.encode(errors="replace")
-    if len(content) > MOST_XML:
-        raise FileFormatError(f"{where}: {len(content)} bytes, expected at most {MOST_XML}")
+    if len(content) > MAX_XML_BYTES:
+        raise FileFormatError(f"{where}: {len(content)} bytes, expected at most {MAX_XML_BYTES}")
     root = xml_root_tag(content, where)
     if root == "mujoco":
         raise FileFormatError(f"{where}: is MJCF, which may include files: expected the path of a file that holds it")

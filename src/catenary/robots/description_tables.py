@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import Field, JsonValue
 
-from catenary.bounded_parsers import MOST_TOML, read_bounded, toml_table
+from catenary.bounded_parsers import MAX_TOML_BYTES, read_bounded, toml_table
 from catenary.config import load_toml, parse_settings
 from catenary.errors import ConfigError, FileFormatError, InputError, UnsupportedModelError
 from catenary.robots.actuation import Actuation, check_actuation
@@ -46,7 +46,7 @@ class DescribedRobot(LoopSettings):
 
 def described_table(path: Path) -> DescribedRobot | None:
     """Return the table in a TOML file that names a description; None if the file is a DH table or no TOML."""
-    content = read_bounded(path, MOST_TOML)
+    content = read_bounded(path, MAX_TOML_BYTES)
     try:
         names_one = b"description" in content and "description" in toml_table(content, str(path))
     except FileFormatError:
@@ -70,8 +70,8 @@ def as_described(model: RobotModel, path: Path, table: DescribedRobot) -> RobotM
         if table.coordinate or table.base or table.locked_deg or table.locked_m or table.actuation:
             model = close_loops(model)
         if table.coordinate:
-            given = [coordinate_of(str(path), c.name, c.unit, c) for c in table.coordinate]
-            model = couple_joints(model, given, [c.moves for c in table.coordinate])
+            coordinates = [coordinate_of(str(path), c.name, c.unit, c) for c in table.coordinate]
+            model = couple_joints(model, coordinates, [c.moves for c in table.coordinate])
         locked = stated_places(model, table.locked_deg, table.locked_m, "locked")
         if table.base is not None:
             model = cut_arm(model, table.base, table.tip or model.tip, locked=locked)
@@ -86,5 +86,5 @@ def as_described(model: RobotModel, path: Path, table: DescribedRobot) -> RobotM
             changes["actuation"] = actuation
     except (InputError, UnsupportedModelError) as error:
         raise type(error)(f"{path}: {error}") from error
-    sources = (*model.sources, file_source(path, read_bounded(path, MOST_TOML)))
+    sources = (*model.sources, file_source(path, read_bounded(path, MAX_TOML_BYTES)))
     return replace(model, sources=sources, **changes)  # type: ignore[arg-type]

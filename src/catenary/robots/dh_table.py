@@ -215,8 +215,8 @@ def coordinate_of(where: str, name: str, unit: str, limits: LimitsTable) -> Coor
     for pair in _LIMITS:
         if getattr(limits, pair[not slides]) is not None:
             raise ConfigError(f'{where}: "{name}" is in {unit}: expected {pair[slides]} for its limits')
-    given, velocity, effort = (getattr(limits, pair[slides]) for pair in _LIMITS)
+    bounds, velocity, effort = (getattr(limits, pair[slides]) for pair in _LIMITS)
     to_si = 1.0 if slides else np.pi / 180.0
-    lower, upper = (-np.inf, np.inf) if given is None else (to_si * float(limit) for limit in given)
+    lower, upper = (-np.inf, np.inf) if bounds is None else (to_si * float(limit) for limit in bounds)
     fastest = np.inf if velocity is None else to_si * float(velocity)
     return Coordinate(name, unit, lower, upper, fastest, np.inf if effort is None else float(effort))

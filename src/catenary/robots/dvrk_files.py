@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import AliasChoices, Field
 
-from catenary.bounded_parsers import MOST_JSON, cut, json_table, read_bounded, without_comments
+from catenary.bounded_parsers import MAX_JSON_BYTES, cut, json_table, read_bounded, without_comments
 from catenary.config import Recorded, parse_settings
 from catenary.errors import FileFormatError, UnsupportedModelError
 from catenary.plant import nameless
@@ -59,7 +59,7 @@ def load_dvrk(path: Path, *, instrument: Path | None = None, massless: Massless 
     files = [path] if instrument is None else [path, instrument]
     parts, sources = [], []
     for file in files:
-        data = read_bounded(file, MOST_JSON)
+        data = read_bounded(file, MAX_JSON_BYTES)
         parts.append(_kinematics(file, json_table(without_comments(data), str(file))))
         sources.append(file_source(file, data))
     if parts[0].tooltip and len(parts[0].dh.joints) < 6:
@@ -95,13 +95,13 @@ def _kinematics(path: Path, content: dict[str, Any]) -> _Kinematics:
             f"{path}: is not a dVRK robot file: expected kinematics with DH (share/kinematic, share/tool), "
             f"got {', '.join(map(cut, list(content)[:8])) or 'nothing'}"
         )
-    found = parse_settings(content, _Kinematics, str(path))
-    if found.snake_like or any(joint.mode != "active" for joint in found.dh.joints):
+    kinematics = parse_settings(content, _Kinematics, str(path))
+    if kinematics.snake_like or any(joint.mode != "active" for joint in kinematics.dh.joints):
         raise UnsupportedModelError(
             f"{path}: is snake-like or has passive joints, whose rule is in the dVRK's code, not in the file; "
             "of an arm's two files use the one without _physical"
         )
-    return found
+    return kinematics
 
 
 def _link(name: str, joint: _DvrkJoint) -> dict[str, Any]:
@@ -123,8 +123,8 @@ def _link(name: str, joint: _DvrkJoint) -> dict[str, Any]:
 
 def _pose(where: str, matrix: _Matrix) -> tuple[list[list[float]], list[float]]:
     """Return the rotation next to a matrix of four digits, and the position [m]."""
-    given = np.array(matrix)[:3]
-    u, _, v = np.linalg.svd(given[:, :3])
-    if len(given) < 3 or not np.abs(u @ v - given[:, :3]).max() < _SHORT or np.linalg.det(u @ v) < 0.0:
-        raise FileFormatError(f"{where}: expected a rotation and a position, got {given.tolist()}")
-    return (u @ v).tolist(), given[:, 3].tolist()
+    rows = np.array(matrix)[:3]
+    u, _, v = np.linalg.svd(rows[:, :3])
+    if len(rows) < 3 or not np.abs(u @ v - rows[:, :3]).max() < _SHORT or np.linalg.det(u @ v) < 0.0:
+        raise FileFormatError(f"{where}: expected a rotation and a position, got {rows.tolist()}")
+    return (u @ v).tolist(), rows[:, 3].tolist()

@@ -142,9 +142,9 @@ class LoopChain:
             return np.zeros(len(A), dtype=bool)
         return sizes[:, len(self.passive) - 1] > _DEAD_CENTRE_RATIO * sizes[:, 0]
 
-    def followed(self, A: Floats, asked: Floats) -> Floats:
+    def followed(self, A: Floats, rhs: Floats) -> Floats:
         """Return the passive joints' rates (N, k) or (N, k, m) that make A qd_passive = -asked, in least squares."""
-        solved = np.linalg.pinv(A[:, :, self.passive], rcond=_DEAD_CENTRE_RATIO) @ asked
+        solved = np.linalg.pinv(A[:, :, self.passive], rcond=_DEAD_CENTRE_RATIO) @ rhs
         return np.asarray(-solved)
 
     def coordinates(self, driven: Floats) -> Floats:
@@ -155,9 +155,9 @@ class LoopChain:
         """
         q = np.tile(self.start, (len(driven), 1))
         way = driven - q[:, self.motors]
-        if not (near := np.abs(way).max(axis=1, initial=0.0) < _FARTHEST).all():
+        if not (in_reach := np.abs(way).max(axis=1, initial=0.0) < _FARTHEST).all():
             q[:, self.motors] = driven
-            self._refuse(f"is followed {_FARTHEST:g} rad or m far, not to a place", q[int(np.argmin(near))])
+            self._refuse(f"is followed {_FARTHEST:g} rad or m far, not to a place", q[int(np.argmin(in_reach))])
         steps = max(1, int(np.ceil(np.abs(way).max(initial=0.0) / _STEP)))
         for k in range(steps):
             _, A = self.constraint(q)

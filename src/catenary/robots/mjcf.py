@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.bounded_parsers import MOST_XML, XML_COMMENT, plain_number, read_bounded, shortened, xml_tree
+from catenary.bounded_parsers import MAX_XML_BYTES, XML_COMMENT, plain_number, read_bounded, shortened, xml_tree
 from catenary.errors import FileFormatError, UnsupportedModelError, imported
 from catenary.robots.actuation import StatedDrive, stated_actuation
 from catenary.robots.assembly import (
@@ -69,8 +69,8 @@ class CompiledMjcf(NamedTuple):
 
     def name(self, kind: str, index: int) -> str:
         """Return the name of a body, joint, ...; one without a name is called by its kind and number."""
-        found = self.mujoco.mj_id2name(self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), index)
-        return str(found) if found else f"{kind}{index}"
+        stated = self.mujoco.mj_id2name(self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), index)
+        return str(stated) if stated else f"{kind}{index}"
 
     def body_joints(self, body: int) -> range:
         """Return the indices of a body's joints, in the order they move it."""
@@ -80,7 +80,7 @@ class CompiledMjcf(NamedTuple):
 
 def compile_mjcf(path: Path) -> CompiledMjcf:
     """Return a file as MuJoCo compiles it, whatever masses it lacks; refuse one that asks for too much first."""
-    content = read_bounded(path, MOST_XML)
+    content = read_bounded(path, MAX_XML_BYTES)
     included = _included_files(path, content)
     _refuse_too_much(path, content, included)
     mujoco = imported("mujoco", f"{path}: MuJoCo reads MJCF files and is not installed", "mujoco")
@@ -101,12 +101,12 @@ def compile_mjcf(path: Path) -> CompiledMjcf:
     if lacks_mass:
         mass = np.where(mass > 100.0 * LEAST_MASS, mass, 0.0)
         inertia = np.where(inertia > 100.0 * LEAST_INERTIA, inertia, 0.0)
-    given = {body.name for body in spec.bodies if body.explicitinertial}
+    explicit = {body.name for body in spec.bodies if body.explicitinertial}
     files = {path.name: content} | included
     compiled = CompiledMjcf(mujoco, model, np.array(mass), np.array(inertia), [], aside, files)
     for body in range(1, model.nbody):
         name = compiled.name("body", body)
-        if mass[body] > 0.0 and model.body_weldid[body] != 0 and name not in given:
+        if mass[body] > 0.0 and model.body_weldid[body] != 0 and name not in explicit:
             compiled.from_geoms.append(name)
     return compiled
 
@@ -215,14 +215,14 @@ def _assemble(c: CompiledMjcf, path: Path, sources: Sequence[str]) -> RobotModel
 
 def _drives(c: CompiledMjcf, joints: Mapping[int, str], leaders: Mapping[str, Mimic]) -> list[StatedDrive]:
     """Return dry friction, damping, armature and springs of the joints; those that nothing moves ask nothing."""
-    m, found = c.model, []
+    m, drives = c.model, []
     for joint, name in joints.items():
         leader, factor, offset = leaders[name]
         if leader is not None:
             arrays = m.dof_frictionloss, m.dof_damping, m.dof_armature, m.jnt_stiffness, m.qpos_spring
             *stated, relaxed = (float(array[joint]) for array in arrays)
-            found.append(StatedDrive(leader, factor, *stated, relaxed - offset))  # type: ignore[call-arg]
-    return found
+            drives.append(StatedDrive(leader, factor, *stated, relaxed - offset))  # type: ignore[call-arg]
+    return drives
 
 
 def _joint_names(c: CompiledMjcf) -> dict[int, str]:
@@ -230,9 +230,9 @@ def _joint_names(c: CompiledMjcf) -> dict[int, str]:
     names: dict[int, str] = {}
     for body in range(1, c.model.nbody):
         for number, joint in enumerate(c.body_joints(body), start=1):
-            given = c.mujoco.mj_id2name(c.model, c.mujoco.mjtObj.mjOBJ_JOINT, joint)
+            stated = c.mujoco.mj_id2name(c.model, c.mujoco.mjtObj.mjOBJ_JOINT, joint)
             several = len(c.body_joints(body)) > 1
-            names[joint] = str(given) if given else c.name("body", body) + (f"_{number}" if several else "")
+            names[joint] = str(stated) if stated else c.name("body", body) + (f"_{number}" if several else "")
     return names
 
 
@@ -277,8 +277,8 @@ def _coordinate(c: CompiledMjcf, joint: int, name: str) -> Coordinate:
     lower, upper = c.model.jnt_range[joint] if c.model.jnt_limited[joint] else (-np.inf, np.inf)
     effort = np.inf
     if c.model.jnt_actfrclimited[joint]:
-        least, most = c.model.jnt_actfrcrange[joint]
-        effort = max(0.0, min(-float(least), float(most)))
+        lowest, highest = c.model.jnt_actfrcrange[joint]
+        effort = max(0.0, min(-float(lowest), float(highest)))
     unit = "m" if c.model.jnt_type[joint] == c.mujoco.mjtJoint.mjJNT_SLIDE else "rad"
     return Coordinate(name, unit, float(lower), float(upper), effort=effort)
 
@@ -361,47 +361,49 @@ _IMAGE_SIZES = {"texture": ("width", "height"), "hfield": ("nrow", "ncol")}
 
 def _mjcf_tree(content: bytes, where: str) -> Element:
     """Return the root element, without comments; lines keep their numbers."""
-    return xml_tree(XML_COMMENT.sub(lambda found: b"\n" * found[0].count(b"\n"), content), where)
+    return xml_tree(XML_COMMENT.sub(lambda match: b"\n" * match[0].count(b"\n"), content), where)
 
 
 def _included_files(path: Path, content: bytes) -> dict[str, bytes]:
     """Return the files that <include> brings in, by the name it gives them, relative to the main file."""
-    found: dict[str, bytes] = {}
+    files: dict[str, bytes] = {}
     waiting = [(str(path), content)]
     folder = path.parent.resolve()
     while waiting:
         where, text = waiting.pop()
         for name in (element.get("file", "") for element in _mjcf_tree(text, where).iter("include")):
             place = path.parent / name.replace("\0", "")
-            if name in found or not place.is_file():
+            if name in files or not place.is_file():
                 continue  # MuJoCo says what it misses
             if not place.resolve().is_relative_to(folder):
                 raise FileFormatError(f"{where}: <include file={shortened(name)}>: is outside {path.parent}")
-            found[name] = read_bounded(place, MOST_XML)
-            if len(found) > _MAX_FILES or sum(map(len, found.values())) > MOST_XML:
-                raise FileFormatError(f"{path}: includes more than {_MAX_FILES} files, or more than {MOST_XML} bytes")
-            waiting.append((str(place), found[name]))
-    return found
+            files[name] = read_bounded(place, MAX_XML_BYTES)
+            if len(files) > _MAX_FILES or sum(map(len, files.values())) > MAX_XML_BYTES:
+                raise FileFormatError(
+                    f"{path}: includes more than {_MAX_FILES} files, or more than {MAX_XML_BYTES} bytes"
+                )
+            waiting.append((str(place), files[name]))
+    return files
 
 
 def _refuse_too_much(path: Path, content: bytes, included: Mapping[str, bytes]) -> None:
     """Refuse a file that asks for more bodies, points of images or reserved numbers than a robot has."""
     trees = {name: _mjcf_tree(text, str(path.parent / name)) for name, text in included.items()}
     bodies, points, reserved = _MAX_COUNTS
-    asked = dict.fromkeys(_MAX_COUNTS, 0.0)
+    counts = dict.fromkeys(_MAX_COUNTS, 0.0)
     for element, times in _elements(_mjcf_tree(content, str(path)), trees):
         if element.tag == "body":
-            asked[bodies] += times
+            counts[bodies] += times
         elif element.tag in ("composite", "flexcomp"):
-            asked[bodies] += times * _product(element.get("count", "").split())
+            counts[bodies] += times * _product(element.get("count", "").split())
         elif element.tag in _IMAGE_SIZES:
-            asked[points] += _product([element.get(key, "1") for key in _IMAGE_SIZES[element.tag]])
+            counts[points] += _product([element.get(key, "1") for key in _IMAGE_SIZES[element.tag]])
         elif element.tag == "size":
             numbers = [n for key, n in element.items() if key.startswith(("nuser_", "nkey"))]
-            asked[reserved] += sum(_product([number]) for number in numbers)
-        for what, most in _MAX_COUNTS.items():
-            if asked[what] > most:
-                raise FileFormatError(f"{path}: asks for {asked[what]:g} {what}, expected at most {most}")
+            counts[reserved] += sum(_product([number]) for number in numbers)
+        for what, limit in _MAX_COUNTS.items():
+            if counts[what] > limit:
+                raise FileFormatError(f"{path}: asks for {counts[what]:g} {what}, expected at most {limit}")
 
 
 def _elements(root: Element, included: Mapping[str, Element]) -> Iterator[tuple[Element, float]]:

@@ -41,10 +41,10 @@ def robot_from_record(record: Any) -> RobotModel:
 
 def structure_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     """Return the record in an identification's archive; refuse another version's."""
-    found = json_table(str(arrays.get("structure")), "structure")
-    if (version := found.get("format")) != FORMAT:
+    structure = json_table(str(arrays.get("structure")), "structure")
+    if (version := structure.get("format")) != FORMAT:
         raise FileFormatError(f"format {shortened(version)}, expected {FORMAT!r}: another version wrote it; {REMEDY}")
-    return found
+    return structure
 
 
 def load_identified(path: Path, *, massless: Massless = ()) -> RobotModel:

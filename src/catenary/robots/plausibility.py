@@ -53,21 +53,21 @@ def check_different(what: str, names: Sequence[str]) -> None:
         raise InputError(f"{what} names must differ, got {cut(', '.join(names))}")
 
 
-def check_within(what: str, values: ArrayLike, most: float, unit: str) -> None:
+def check_within(what: str, values: ArrayLike, bound: float, unit: str) -> None:
     """Refuse numbers whose magnitude exceeds a bound, and NaN.
 
     Args:
         what: The quantity, which opens every message.
         values: Numbers of any shape.
-        most: Bound, in `unit`.
+        bound: Bound, in `unit`.
         unit: Unit, for the message.
 
     Raises:
         InputError: A number is beyond the bound.
     """
-    found = np.abs(np.asarray(values, dtype=np.float64))
-    if not (found <= most).all():
-        raise InputError(f"{what}: {found.max():g} {unit}, expected at most {most:g} {unit}")
+    magnitudes = np.abs(np.asarray(values, dtype=np.float64))
+    if not (magnitudes <= bound).all():
+        raise InputError(f"{what}: {magnitudes.max():g} {unit}, expected at most {bound:g} {unit}")
 
 
 def check_length(what: str, vector: ArrayLike) -> None:

@@ -25,9 +25,9 @@ def with_quarter_turns(model: RobotModel) -> RobotModel:
     if not ((off > _ROUNDING_RAD) & (off <= _WITHIN_RAD)).any():
         return model
     tree = model.tree
-    near = np.round(tree.rotation) + 0.0
+    rounded = np.round(tree.rotation) + 0.0
     turns = (_off_axis(tree.rotation.swapaxes(1, 2)).min(axis=1) <= _WITHIN_RAD)[:, None, None]
-    rotation = np.where(turns & (np.abs(tree.rotation - near) <= _WITHIN_RAD), near, tree.rotation)
+    rotation = np.where(turns & (np.abs(tree.rotation - rounded) <= _WITHIN_RAD), rounded, tree.rotation)
     axis = np.where(_off_axis(tree.axis)[:, None] > _WITHIN_RAD, tree.axis, np.round(tree.axis) + 0.0)
     quarters = _quarters(model.offset)
     is_quarter = ~tree.prismatic & (np.abs(model.offset - quarters) <= _WITHIN_RAD)

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.bounded_parsers import MOST_XML, cut, read_bounded, xml_root_tag
+from catenary.bounded_parsers import MAX_XML_BYTES, cut, read_bounded, xml_root_tag
 from catenary.config import load_toml
 from catenary.errors import FileFormatError, InputError
 from catenary.robots import geometry
@@ -76,7 +76,7 @@ def described_geometry(
         path = description_of(path, described.description)
     if path.suffix.lower() not in XML_ENDINGS:
         return None
-    content = read_bounded(path, MOST_XML)
+    content = read_bounded(path, MAX_XML_BYTES)
     if xml_root_tag(content, str(path)) == "robot":
         return urdf_shapes(content, str(path), model, path, packages, kind)
     return mjcf_shapes(path, model)
@@ -170,7 +170,7 @@ def urdf_shapes(
 ) -> geometry.Geometry | None:
     """Return the shapes of a URDF, whose meshes are looked for beside `path`; None if it has none."""
     robot = urdf_root(content, where)
-    wanted = kind
+    requested = kind
     if robot.find(f"link/{kind}/geometry") is None:
         kind = "visual" if kind == "collision" else "collision"
     shapes: list[geometry.Shape] = []
@@ -184,7 +184,7 @@ def urdf_shapes(
                 shapes.append(geometry.shape_on(what, model, name, name, origin_of(what, element), form))
     if not shapes:
         return None
-    looks_taken = wanted == "collision" and kind == "visual"
+    looks_taken = requested == "collision" and kind == "visual"
     notes = [f"{where}: has no collision shapes; visual shapes are used"] if looks_taken else []
     if bare := geometry.links_without_shape(model, shapes):
         notes.append(f"{where}: links without a shape, whose collisions are unchecked: {', '.join(bare)}")
@@ -194,11 +194,11 @@ def urdf_shapes(
 def _urdf_form(what: str, element: Element, path: Path | None, packages: Sequence[Path]) -> geometry.Form:
     stated = element.find("geometry")
     assert stated is not None
-    found = [element for element in stated if element.tag in _URDF_FORMS]
-    if len(found) != 1:
+    forms = [element for element in stated if element.tag in _URDF_FORMS]
+    if len(forms) != 1:
         got = ", ".join(f"<{cut(element.tag)}>" for element in stated) or "nothing"
         raise FileFormatError(f"{what}: <geometry> holds {got}: expected one of {', '.join(_URDF_FORMS)}")
-    form = found[0]
+    form = forms[0]
     what = f"{what}: <{form.tag}>"
     if form.tag == "box":
         x, y, z = numbers_of(what, form, "size", 3)
@@ -217,22 +217,22 @@ def _mesh(what: str, name: str | None, path: Path | None, packages: Sequence[Pat
     """Return the file of a mesh that a URDF names, beside the URDF or in a ROS package."""
     if not name:
         raise FileFormatError(f"{what}: no filename")
-    beside = None if path is None else path.absolute().parent
+    parent = None if path is None else path.absolute().parent
     # ROS's own variable: where its packages lie
     listed = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
     folders = [*packages, *listed]
-    scheme, _, rest = name.replace("\\", "/").partition("://")
-    if not rest:
-        places = [(beside or Path()) / written for written in (name, scheme)]  # the second with / for \ of Windows
+    scheme, _, tail = name.replace("\\", "/").partition("://")
+    if not tail:
+        places = [(parent or Path()) / written for written in (name, scheme)]  # the second with / for \ of Windows
     elif scheme == "file":
         from urllib.request import url2pathname  # brings http
 
         places = [Path(url2pathname(urlsplit(name).path))]
     elif scheme in ("package", "model"):
         # a package is a folder of its name: in the folders given, or above the file
-        above = [] if beside is None else [beside, *beside.parents]
-        places = [folder / rest for folder in [*folders, *above]]
-        package, _, inside = rest.partition("/")
+        above = [] if parent is None else [parent, *parent.parents]
+        places = [folder / tail for folder in [*folders, *above]]
+        package, _, inside = tail.partition("/")
         places += [folder / inside for folder in folders if folder.name == package]
     else:
         raise FileFormatError(f"{what}: {cut(name)}: expected package://, file:// or a path")

@@ -198,8 +198,8 @@ def cut_arm(model: RobotModel, base: str, tip: str, *, locked: Mapping[str, floa
         raise InputError(f'robot "{model.name}": frame "{tip}" is not moved by joints on "{base}": no arm is between')
     kept = np.atleast_1d(model.coupling[path].any(axis=0))
     nearest = np.clip(0.0, model.lower, model.upper)
-    rest = {name: float(nearest[k]) for k, name in enumerate(model.joint_names) if not kept[k]}
-    arm = lock_joints(model, rest | dict(locked or {}))
+    fixed = {name: float(nearest[k]) for k, name in enumerate(model.joint_names) if not kept[k]}
+    arm = lock_joints(model, fixed | dict(locked or {}))
     link, stands = arm.frame(base)
     if link >= 0:
         raise InputError(
@@ -256,8 +256,8 @@ def driven_actuation(where: str, actuation: Actuation, driven: Floats, held: Flo
         for effect in getattr(actuation, kind):
             shift, change = float(effect.combination @ held), dict[str, Any](combination=effect.combination @ driven)
             if isinstance(effect, KnownTorque):
-                of_rest = np.poly1d(effect.polynomial)(np.poly1d([1.0, shift]))
-                change |= {"along": effect.along @ driven, "polynomial": np.atleast_1d(of_rest.coeffs)}
+                shifted = np.poly1d(effect.polynomial)(np.poly1d([1.0, shift]))
+                change |= {"along": effect.along @ driven, "polynomial": np.atleast_1d(shifted.coeffs)}
             if not change.get("along", change["combination"]).any():
                 continue
             if isinstance(effect, Spring) and effect.lever is not None:

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.bounded_parsers import MOST_XML, cut, plain_number, read_bounded, xml_tree
+from catenary.bounded_parsers import MAX_XML_BYTES, cut, plain_number, read_bounded, xml_tree
 from catenary.errors import FileFormatError, MissingPackageError, UnsupportedModelError
 from catenary.robots.actuation import Actuation, StatedDrive, stated_actuation
 from catenary.robots.assembly import (
@@ -55,7 +55,7 @@ def load_urdf(path: Path, *, massless: Massless = ()) -> RobotModel:
     several axes, and massless. A mass that the file says is zero is zero, and a doubt where the link is not declared
     massless.
     """
-    content = read_bounded(path, MOST_XML)
+    content = read_bounded(path, MAX_XML_BYTES)
     return parse_urdf(content, str(path), massless=massless, sources=[file_source(path, content)], path=path)
 
 
@@ -80,13 +80,13 @@ def load_xacro(path: str | Path, *, massless: Massless = ()) -> RobotModel:
             f"{path}: is a xacro file, and xacro is not installed: pip install xacro, or source ROS, or expand it "
             "elsewhere (xacro robot.urdf.xacro > robot.urdf) and load the result"
         ) from error
-    content = read_bounded(path, MOST_XML)
+    content = read_bounded(path, MAX_XML_BYTES)
     try:
         text: bytes = xacro.process_file(str(path)).toxml().encode()
     except Exception as error:  # any of an expression's in the file
         raise FileFormatError(f"{path}: xacro cannot expand it: {error}") from error
-    if len(text) > MOST_XML:
-        raise FileFormatError(f"{path}: expands to {len(text)} bytes, expected at most {MOST_XML}")
+    if len(text) > MAX_XML_BYTES:
+        raise FileFormatError(f"{path}: expands to {len(text)} bytes, expected at most {MAX_XML_BYTES}")
     return parse_urdf(text, str(path), massless=massless, sources=[file_source(path, content)], path=path)
 
 
@@ -123,7 +123,7 @@ def parse_urdf(
             if leader is not None:
                 link = replace(link, variable={str(leader.leader): leader.multiplier}, offset=leader.offset)
             tree_links.append(link)
-    rotors, beside = _srdf_rotors(path, str(robot.get("name")))
+    rotors, srdf_sources = _srdf_rotors(path, str(robot.get("name")))
     actuation, rotorless = _stated_drives(where, robot, leaders, rotors)
     declared = set(links) if massless == "all" else set(massless)
     weightless = [
@@ -136,7 +136,7 @@ def parse_urdf(
             [joint.coordinate for joint in joints if joint.name in as_listed],
             root=root,
             actuation=actuation,
-            sources=[*sources, *beside],
+            sources=[*sources, *srdf_sources],
             notes=[*_notes(robot, joints, leaders), *rotorless],
             doubts=[f'link "{name}": has no mass, as the file says' for name in weightless if name not in declared],
             file_order=as_listed,
@@ -305,7 +305,7 @@ def _srdf_rotors(path: Path | None, robot: str) -> tuple[dict[str, float], list[
     names = [] if path is None else [f"{name}.srdf" for name in (path.stem, robot) if "/" not in name]
     for place in (folder / name for folder in folders for name in names):
         if place.is_file():
-            rotors, content = dict[str, float](), read_bounded(place, MOST_XML)
+            rotors, content = dict[str, float](), read_bounded(place, MAX_XML_BYTES)
             for joint in xml_tree(content, str(place)).iterfind("rotor_params/joint"):
                 what = f'{place}: rotor of joint "{joint.get("name")}"'
                 gear, inertia = (number_of(what, joint, key) for key in ("gear_ratio", "mass"))  # "mass" in kg m2
@@ -316,15 +316,15 @@ def _srdf_rotors(path: Path | None, robot: str) -> tuple[dict[str, float], list[
 
 
 def _stated_drives(
-    where: str, robot: Element, leaders: Mapping[str, Mimic], beside: Mapping[str, float]
+    where: str, robot: Element, leaders: Mapping[str, Mimic], srdf_rotors: Mapping[str, float]
 ) -> tuple[Actuation | None, list[str]]:
     """Return the joint drives that a URDF states, and notes on transmissions that it leaves out.
 
     A rotor of inertia J that turns N times as fast as its joint has the reflected inertia N^2 J. It is known where a
     transmission of one joint states both (`mechanicalReduction` and `motorInertia`, or Drake's `gear_ratio` and
-    `rotor_inertia`), or where an SRDF does (`beside`). `leaders` has each moving joint in terms of a coordinate.
+    `rotor_inertia`), or where an SRDF does (`srdf_rotors`). `leaders` has each moving joint in terms of a coordinate.
     """
-    rotors, without = dict(beside), list[str]()
+    rotors, without = dict(srdf_rotors), list[str]()
     for transmission in robot.findall("transmission"):
         joints = [str(joint.get("name")) for joint in transmission.findall("joint")]
         what = f'{where}: transmission "{transmission.get("name")}"'
@@ -342,9 +342,9 @@ def _stated_drives(
         element = Element("dynamics") if dynamics is None else dynamics
         friction, damping = (number_of(what, element, key, default=0.0) for key in ("friction", "damping"))
         rotor = rotors.get(name, 0.0)
-        for said, value in (("friction", friction), ("damping", damping), ("rotor's inertia", rotor)):
+        for label, value in (("friction", friction), ("damping", damping), ("rotor's inertia", rotor)):
             if value < 0.0:
-                raise FileFormatError(f"{what}: {said} {value:g}, expected zero or more")
+                raise FileFormatError(f"{what}: {label} {value:g}, expected zero or more")
         leader = leaders[name]
         drives.append(StatedDrive(str(leader.leader), leader.multiplier, friction, damping, rotor))
     coordinates = [name for name, leader in leaders.items() if leader.leader == name]
@@ -365,15 +365,15 @@ def _first(what: str, transmission: Element, tags: tuple[str, ...]) -> float | N
 
 def named_elements(where: str, robot: Element, tag: str) -> list[tuple[str, Element]]:
     """Return a robot's links or joints with their names, which must differ."""
-    found: dict[str, Element] = {}
+    elements: dict[str, Element] = {}
     for number, element in enumerate(robot.findall(tag), start=1):
         name = element.get("name")
         if not name:
             raise FileFormatError(f"{where}: <{tag}> number {number}: no name")
-        if name in found:
+        if name in elements:
             raise FileFormatError(f'{where}: two <{tag}> elements are named "{name}"')
-        found[name] = element
-    return list(found.items())
+        elements[name] = element
+    return list(elements.items())
 
 
 def origin_of(what: str, element: Element) -> Pose:

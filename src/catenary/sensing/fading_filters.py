@@ -130,9 +130,9 @@ def _add(memory: Any, dt: float, stamp: float, vector: Floats, turning: Floats) 
         if stamp - m.begun[k] >= _BLOCKS[k] - 0.5 * dt:
             m.blocks[k] += 1.0
             share = max(1.0 / m.blocks[k], min(_BLOCKS[k] / _NOISE_S, _MIN_SHARE))
-            most = _OUTLIER_RATIO * m.noise[k] if m.blocks[k] > 5.0 else np.inf
+            max_square = _OUTLIER_RATIO * m.noise[k] if m.blocks[k] > 5.0 else np.inf
             square = _correct(m.states[k], m.covariance[k], m.taken[k], m.ages[k] / m.taken[k] / _LENGTHS[k])
-            m.noise[k] += share * (min(square, most) - m.noise[k])
+            m.noise[k] += share * (min(square, max_square) - m.noise[k])
             m.states[k, 3] = 0.0
             m.taken[k], m.ages[k], m.begun[k] = 0.0, 0.0, stamp
     known = _noises(m)
@@ -216,12 +216,12 @@ def _noises(m: Any) -> Floats:
     for k in range(1, _COUNT):
         white = last * max(_BLOCKS[k - 1], m.period) / max(_BLOCKS[k], m.period)
         known[k] = last = white if m.blocks[k] < 8.0 else max(min(m.noise[k], white), 1e-3 * white)
-    beside, steps, thirds = m.swings
+    difference, steps, thirds = m.swings
     white = thirds / 20.0  # third differences exclude vibration of a few hertz
     slow = (2.0 * math.pi * _VIBRATION_HZ * m.period) ** 2
-    if beside > 1.5 * white and steps - 2.0 * white > slow * (beside - white):
+    if difference > 1.5 * white and steps - 2.0 * white > slow * (difference - white):
         for k in range(_FOLLOWERS):
-            known[k] = max(known[k], beside)
+            known[k] = max(known[k], difference)
     return known
 
 

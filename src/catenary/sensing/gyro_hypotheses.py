@@ -172,21 +172,21 @@ def compare(
     swing = max(part.swing for part in parts) * noise[1] * float(np.linalg.norm(place))  # noise times lever arm
     variance = _NOISE**2 + drift**2 + (0.5 * noise[0]) ** 2 + swing**2
     is_upright = all(part.is_upright for part in parts) and max(part.angle for part in parts) > _SHOWN_TURN_RAD
-    left, floor, biases = _residuals(parts, variance, rested=rested)
-    fits = left[0] < min(_FIT_FACTOR * floor[0], _MAX_UNFIT_FACTOR * max(left[1], floor[1]))
-    if fits and (before.is_right or is_upright or (left < _FIT_FACTOR * floor[1]).all()):
+    residuals, floor, biases = _residuals(parts, variance, rested=rested)
+    fits = residuals[0] < min(_FIT_FACTOR * floor[0], _MAX_UNFIT_FACTOR * max(residuals[1], floor[1]))
+    if fits and (before.is_right or is_upright or (residuals < _FIT_FACTOR * floor[1]).all()):
         return Result(is_unopposed=is_upright, bias=biases[0])
     parts = _all_residuals(pieces, place, _MATRICES, _DELAYS_S)
-    left, floor, biases = _residuals(parts, variance, rested=rested)
-    cost = 0.5 * _ROWS_PER_S * sum(part.span for part in parts) * np.log(left + floor)
+    residuals, floor, biases = _residuals(parts, variance, rested=rested)
+    cost = 0.5 * _ROWS_PER_S * sum(part.span for part in parts) * np.log(residuals + floor)
     gains = cost[0] - cost  # over the gyroscope as read [nats]
     best = int(np.argmax(gains - _PRICES))
     record, variant = _VARIANTS[best]
     if gains[best] - _PRICES[best] > _ACCUSE_NATS:
         if record.fault is Fault.RATE_SCALE:
-            near = np.geomspace(0.75, 1.34, 31)[:, None, None] * variant.matrix
-            refined = _all_residuals(pieces, place, near, np.zeros(31))
-            variant = Variant(near[int(np.argmin(_residuals(refined, variance, rested=rested)[0]))])
+            matrices = np.geomspace(0.75, 1.34, 31)[:, None, None] * variant.matrix
+            refined = _all_residuals(pieces, place, matrices, np.zeros(31))
+            variant = Variant(matrices[int(np.argmin(_residuals(refined, variance, rested=rested)[0]))])
         alike = [
             k for k, (other, _) in enumerate(_VARIANTS) if other is record and gains[k] > gains[best] - _CONFIRM_NATS
         ]
@@ -195,7 +195,7 @@ def compare(
     rivals = gains - _SHARES * _PRICES
     is_right = counts.any() and (rivals[counts] < -_CONFIRM_NATS).all()
     if before.fault is not Fault.NONE:  # it is right again once its correction no longer helps
-        is_right = (gains[list(before.variants)] < -_CONFIRM_NATS).all() and left[0] < _FIT_FACTOR * floor[0]
+        is_right = (gains[list(before.variants)] < -_CONFIRM_NATS).all() and residuals[0] < _FIT_FACTOR * floor[0]
     return Result(is_right=bool(is_right), bias=biases[0] if is_right else None)
 
 
@@ -252,10 +252,10 @@ def _residuals(parts: Sequence[_Residuals], variance: float, *, rested: bool) ->
     unknowns = np.sum([part.unknowns for part in parts], axis=0) + np.diag(cost)
     against = np.sum([part.against for part in parts], axis=0)
     solved = np.linalg.solve(unknowns, against[..., None])[..., 0]
-    left = np.sum([part.squares for part in parts], axis=0) - np.sum(against * solved, axis=1)
+    residuals = np.sum([part.squares for part in parts], axis=0) - np.sum(against * solved, axis=1)
     levers = np.einsum("ki,kij,kj->k", solved[:, :3], unknowns[:, :3, :3], solved[:, :3])
     return (
-        left,
+        residuals,
         rows * variance + _MISTUNING_SHARE**2 * (np.sum([part.turned for part in parts], axis=0) + levers),
         -solved[:, 3:],
     )

@@ -185,8 +185,8 @@ class PredictedGravity:
 
     def _leant(self, gravity: Floats) -> float:
         """Return the acceleration across gravity that explains a reading's length [m/s2]."""
-        rest = self._length + self.LENGTH_ERROR
-        return math.sqrt(max(0.0, float(gravity @ gravity) - rest * rest))
+        length = self._length + self.LENGTH_ERROR
+        return math.sqrt(max(0.0, float(gravity @ gravity) - length * length))
 
 
 def _turned(gravity: Floats, angle: Floats) -> Floats:

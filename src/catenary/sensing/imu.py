@@ -169,7 +169,7 @@ class SensedGravity:
         self._rate_raw = RawCheck(stuck_samples, m.rate_range, _RATE_FAULTS)
         self._check, self._rate_check = GravityCheck(base, lever=self._place, hanging=hanging), RateCheck()
         self._force, self._rates = Memories(_MIN_NOISE), Memories(_MIN_RATE_NOISE)
-        self._rest, self._predicted = RestRate(PredictedGravity.STILL_RATE), PredictedGravity(base.push)
+        self._rest_rate, self._predicted = RestRate(PredictedGravity.STILL_RATE), PredictedGravity(base.push)
         drift = 0.5 * min(base.slow_acceleration, HIGH_PASS_S * base.slow_jerk)
         self._watch = TurningWatch(m.position @ m.rotation, drift, checked=m.checked)
         self._attitude = SlowAttitude(attitude)
@@ -236,9 +236,9 @@ class SensedGravity:
         self._memory.begin(self.mailbox.dropped)
         self._transfer.restart()
 
-    def _take(self, now: float, most: int) -> None:
+    def _take(self, now: float, max_samples: int) -> None:
         self._memory.count_dropped(self.mailbox.dropped, now)
-        for _ in range(most):
+        for _ in range(max_samples):
             sample = self.mailbox.take()
             if sample is None:
                 return
@@ -309,22 +309,22 @@ class SensedGravity:
 
     def _take_rate(self, sample: SensorSample) -> Fault:
         stamp, vector, _ = sample
-        rest, check = self._rest, self._check
+        rest_rate, check = self._rest_rate, self._check
         self._rate_received = stamp
         read = self.mounting.rate(np.array(vector))
         steady = check.is_steady and stamp - check.last_stamp < 2.0 * GravityCheck.GAP
-        rest.add(stamp, read, check.mean if steady else None)
+        rest_rate.add(stamp, read, check.mean if steady else None)
         fitted = self._watch.fitted_bias
         fitted = None if fitted is None else self.mounting.rotation @ fitted
-        self._drift = _NO_TURNING[0] if rest.is_known or fitted is None else fitted
-        rate = read - rest.bias
-        self._watch.bias = rest.bias @ self.mounting.rotation if rest.is_known else None
+        self._drift = _NO_TURNING[0] if rest_rate.is_known or fitted is None else fitted
+        rate = read - rest_rate.bias
+        self._watch.bias = rest_rate.bias @ self.mounting.rotation if rest_rate.is_known else None
         self._watch.add_rate(stamp, read @ self.mounting.rotation)
         fault = self._rate_check.fault(rate, self._rates.at(stamp)[0] if self._rate_is_fresh(stamp) else None)
         if self._rate_check.leapt:
             self._watch.doubt()
         wrong = self._watch.result.fault
-        if wrong is fault is Fault.NONE and rest.is_in_degrees:
+        if wrong is fault is Fault.NONE and rest_rate.is_in_degrees:
             wrong = Fault.RATE_UNIT
         if wrong is not Fault.NONE:
             # its predictions are discarded
@@ -336,7 +336,7 @@ class SensedGravity:
         if fault is Fault.RATE_TOO_FAST:
             self._predicted.forget()  # it is no evidence of a base at rest
         elif fault in (Fault.NONE, Fault.RATE_SPIKE):  # a spike may be the start of a fast turn
-            self._predicted.turn(stamp, read, rest.bias if rest.is_known else None, fitted)
+            self._predicted.turn(stamp, read, rest_rate.bias if rest_rate.is_known else None, fitted)
         if fault is not Fault.NONE or not self._rate_check.believed:
             return fault
         if self._predicted.disagrees:

@@ -193,8 +193,8 @@ class GravityCheck:
     @property
     def _tolerance(self) -> float:
         # vibration lengthens readings in the mean
-        left = _SLOW_RESIDUAL if self._base.slow_acceleration > 0.0 else 0.0
-        return _CALIBRATION + left + 3.0 * self._rough / STANDARD_GRAVITY
+        residual = _SLOW_RESIDUAL if self._base.slow_acceleration > 0.0 else 0.0
+        return _CALIBRATION + residual + 3.0 * self._rough / STANDARD_GRAVITY
 
     def fault(self, stamp: float, gravity: Floats, expected: Floats, rate: Floats | None, swing: float = 0.0) -> Fault:
         """Return the fault of a reading, NONE if it has none.
@@ -224,8 +224,8 @@ class GravityCheck:
         if self._bad > 0 and rate is not None and dt < 0.1:
             self.reference = self.reference - dt * cross(rate, self.reference)
         # after a fault the prediction is old: compare with the last accepted gravity
-        wanted = expected if self._bad == 0 else self.reference
-        off, moved_on = norm(gravity - wanted), 0.0
+        predicted = expected if self._bad == 0 else self.reference
+        off, moved_on = norm(gravity - predicted), 0.0
         if self._bad == 0:
             off = min(step, off)
             if fault is Fault.NONE and off < 0.8 * max_step:
@@ -239,22 +239,22 @@ class GravityCheck:
             if self._bad > self.SPIKE and self._good < _CONFIRM_READINGS:
                 return self._fault  # a single good sample may be chance
             return self._believe(gravity)
-        return self._doubt(stamp, gravity, wanted, step, max_step, dt, fault)
+        return self._doubt(stamp, gravity, predicted, step, max_step, dt, fault)
 
     def _doubt(
-        self, stamp: float, gravity: Floats, wanted: Floats, step: float, max_step: float, dt: float, fault: Fault
+        self, stamp: float, gravity: Floats, predicted: Floats, step: float, max_step: float, dt: float, fault: Fault
     ) -> Fault:
-        """Return the fault of a reading that differs from `wanted` (3,), or accept it if the difference has lasted."""
+        """Return the fault of a reading that differs from `predicted` (3,), or accept it if the difference lasts."""
         self._bad += 1
         self._good = 0
         # a mistake shows at once; if gravity resembles it later, the base has turned meanwhile
         if fault is Fault.NONE and (self._bad <= self.SPIKE or self._fault in (Fault.WRONG_SIGN, Fault.AXES_SWAPPED)):
-            mistake, correction = explain(gravity, wanted)
+            mistake, correction = explain(gravity, predicted)
             if mistake is not Fault.NONE:
                 fault, self._mistake = mistake, correction
             elif (
                 self._mistake is not _EYE
-                and norm(self._mistake @ gravity - wanted) <= norm(gravity - wanted) + max_step
+                and norm(self._mistake @ gravity - predicted) <= norm(gravity - predicted) + max_step
             ):
                 fault = self._fault
         if self._bad == 1:
@@ -367,27 +367,27 @@ class RateCheck:
         if norm(rate) > _MAX_RATE:
             self._alike, self._doubted = 0, True
             return Fault.RATE_TOO_FAST
-        near = expected is not None and norm(rate - expected) <= _MAX_RATE_STEP
+        agrees = expected is not None and norm(rate - expected) <= _MAX_RATE_STEP
         # a few that agree with each other are accepted, whatever the prediction
-        if near or self._alike >= _CONFIRM_READINGS:
-            self.leapt = self._doubted and not near
+        if agrees or self._alike >= _CONFIRM_READINGS:
+            self.leapt = self._doubted and not agrees
             self.believed, self._doubted = True, False
             return Fault.NONE
         self._doubted |= expected is not None
         return Fault.RATE_SPIKE if self._doubted else Fault.NONE
 
 
-def explain(gravity: Floats, wanted: Floats) -> tuple[Fault, Floats]:
-    """Identify a sign or axis mistake whose correction (3, 3) brings a reading (3,) five times nearer to `wanted` (3,).
+def explain(gravity: Floats, expected: Floats) -> tuple[Fault, Floats]:
+    """Identify a sign or axis error whose correction (3, 3) brings a reading (3,) five times nearer to `expected`.
 
     NONE and the identity if there is none.
     """
-    off = 0.2 * norm(gravity - wanted)
-    if norm(gravity + wanted) < off:
+    off = 0.2 * norm(gravity - expected)
+    if norm(gravity + expected) < off:
         return Fault.WRONG_SIGN, -_EYE
     for order in _ORDERS:  # axes swapped or negated
-        mended = np.sign(gravity[order] * wanted)[:, None] * _EYE[order]
-        if norm(mended @ gravity - wanted) < off:
+        mended = np.sign(gravity[order] * expected)[:, None] * _EYE[order]
+        if norm(mended @ gravity - expected) < off:
             return Fault.AXES_SWAPPED, mended
     return Fault.NONE, _EYE
 

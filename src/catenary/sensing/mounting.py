@@ -48,8 +48,8 @@ class Mounting:
             object.__setattr__(self, name, frozen(as_array(f"mounting {name}", getattr(self, name), (3,))))
         if not (self.scale >= _MIN_SCALE).all():
             raise InputError(f"mounting scale: expected factors of {_MIN_SCALE} or more, got {self.scale.tolist()}")
-        for name, (most, unit) in _MAX_VALUES.items():
-            check_within(f"mounting {name}", getattr(self, name), most, unit)
+        for name, (bound, unit) in _MAX_VALUES.items():
+            check_within(f"mounting {name}", getattr(self, name), bound, unit)
         for name in ("acceleration_range", "rate_range"):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"mounting {name}: expected more than 0, got {getattr(self, name)}")

@@ -204,17 +204,17 @@ class ToolCompensation:
         self._noise, self._before, self._count = np.zeros(6), np.full(6, np.nan), 0.0  # variance; reading before
         self._time = self._followed = np.nan
         self._smooth, self._zeroing = np.zeros(6), list[tuple[float, Floats]]()
-        self._asked, self.complaint = np.nan, ""
+        self._requested_at, self.complaint = np.nan, ""
 
     def begin_zero(self, time: float) -> None:
         """Zero the sensor: average its reading beyond the tool's load over the next half second at rest."""
-        self._asked, self.complaint = time, ""
+        self._requested_at, self.complaint = time, ""
         self._zeroing.clear()
 
     @property
     def is_zeroing(self) -> bool:
         """A zero was requested and is not complete."""
-        return bool(np.isfinite(self._asked))
+        return bool(np.isfinite(self._requested_at))
 
     def update(self, time: float, reading: ArrayLike, gravity: ArrayLike) -> ToolReading:
         """Return the contact wrench of a reading (6,), gravity (3,) in base axes, SI; a joint state comes first."""
@@ -226,8 +226,8 @@ class ToolCompensation:
         if self.is_zeroing:
             self._take_zero(time, beyond, bool(np.abs(qd).max() <= _STILL_SPEED))
         share = _CENTERED_SHARE if self.motion.wait else _LAGGING_SHARE
-        left_in = (moving - resting) * (share if self.inertia else 1.0)
-        unsure = self._model_variance + self._zero_variance + left_in**2
+        lag = (moving - resting) * (share if self.inertia else 1.0)
+        unsure = self._model_variance + self._zero_variance + lag**2
         self._follow(time, beyond, unsure)
         waited = self._rate * max(0.0, time - self._followed) if np.isfinite(self._followed) else 0.0 * self._rate
         if self.rests.add(time, q, qd, raw, down) and len(self.rests.poses) >= _DRAG_POSES:
@@ -246,8 +246,8 @@ class ToolCompensation:
     def _take_zero(self, time: float, beyond: Floats, is_still: bool) -> None:
         if not is_still:
             self._zeroing.clear()
-            if time - self._asked > _ZERO_PATIENCE_S:
-                self._asked, self.complaint = np.nan, "no zero: the arm is moving"
+            if time - self._requested_at > _ZERO_PATIENCE_S:
+                self._requested_at, self.complaint = np.nan, "no zero: the arm is moving"
             return
         self._zeroing.append((time, beyond))
         if time - self._zeroing[0][0] >= _ZERO_S:
@@ -255,7 +255,7 @@ class ToolCompensation:
             self.zero, self._smooth = rows.mean(axis=0), np.zeros(6)
             halves = [part.mean(axis=0) for part in np.array_split(rows, 2)]
             self._zero_variance = 0.25 * (halves[0] - halves[1]) ** 2 + self._noise / len(rows)
-            self._asked, self._followed = np.nan, time
+            self._requested_at, self._followed = np.nan, time
 
     def _follow(self, time: float, beyond: Floats, unsure: Floats) -> None:
         """Track the zero's drift, limited in rate, while there is no contact."""
@@ -273,9 +273,9 @@ class ToolCompensation:
         poses = self.rests.poses[-_DRAG_POSES:]
         loads = np.array([self._load(pose.q, still, still, pose.gravity) for pose in poses])
         readings = np.array([pose.reading for pose in poses])
-        left = np.linalg.norm((self.tool.sign * (readings - self.tool.bias) - loads - self.zero)[:, :3], axis=1)
+        residuals = np.linalg.norm((self.tool.sign * (readings - self.tool.bias) - loads - self.zero)[:, :3], axis=1)
         usual = float(np.sqrt(np.sum((self._model_variance + self._zero_variance)[:3])))
-        size = float(np.median(left))
+        size = float(np.median(residuals))
         self.complaint = ""
         if size > _DRAG_SIGMAS * usual:
             self.complaint = (

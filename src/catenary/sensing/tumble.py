@@ -209,8 +209,8 @@ def fit_orientations(readings: ArrayLike, up: ArrayLike) -> SensorFit:
 
     def off(p: Floats) -> Floats:
         R, scale = Rotation.from_rotvec(p[:3]), p[6:9] if with_scale else np.ones(3)
-        left: Floats = scale * R.inv().apply(STANDARD_GRAVITY * true) + p[3:6] - y
-        return left.ravel()
+        error: Floats = scale * R.inv().apply(STANDARD_GRAVITY * true) + p[3:6] - y
+        return error.ravel()
 
     turned = Rotation.from_matrix(align(y, true).rotation).as_rotvec()
     first = np.r_[turned, np.zeros(3), np.ones(3 if with_scale else 0)]

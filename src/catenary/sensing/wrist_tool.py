@@ -116,9 +116,9 @@ def fit_wrist_tool(force: ArrayLike, torque: ArrayLike, gravity: ArrayLike) -> W
     for part, (rows, columns, readings) in enumerate(parts):  # they share no parameter
         A, y = X[:, rows][:, :, columns].reshape(-1, len(columns)), readings.ravel()
         solution[columns] = np.linalg.lstsq(A, y, rcond=None)[0]
-        left = y - A @ solution[columns]
-        rms[part] = float(np.sqrt(np.mean(left**2)))
-        covariance[np.ix_(columns, columns)] = left @ left / (len(y) - len(columns)) * np.linalg.inv(A.T @ A)
+        residuals = y - A @ solution[columns]
+        rms[part] = float(np.sqrt(np.mean(residuals**2)))
+        covariance[np.ix_(columns, columns)] = residuals @ residuals / (len(y) - len(columns)) * np.linalg.inv(A.T @ A)
     mass, moment = float(solution[0]), solution[1:4]
     if not mass > 0.0:
         raise InputError(f"wrist tool: mass {mass:.3g} kg: the sensor counts forces the other way, or has other axes")
@@ -177,8 +177,8 @@ def weigh_tool(
         raise InputError(f"wrist tool: {len(forces)} poses, expected {_MIN_JUDGED_POSES} or more, differently turned")
     to_frame = turned.transpose(0, 2, 1)
     down = np.einsum("nij,nj->ni", to_frame, np.broadcast_to(gravity_rows(gravity, len(forces)), forces.shape))
-    gains, left_by_axes = _least_squares([np.einsum("nj,ik->nikj", down, np.eye(3))], forces)
-    axes, is_tilted = _axes(down, to_frame, forces, gains[:9].reshape(3, 3), left_by_axes)
+    gains, axes_residual = _least_squares([np.einsum("nj,ik->nikj", down, np.eye(3))], forces)
+    axes, is_tilted = _axes(down, to_frame, forces, gains[:9].reshape(3, 3), axes_residual)
     sign = 1.0 if np.linalg.det(axes) > 0.0 else -1.0
     in_sensor, in_axes = down @ (sign * axes).T, axes @ to_frame  # in_axes takes vectors in base axes to readings
     tool = fit_wrist_tool(sign * forces, sign * torques, in_sensor)
@@ -188,7 +188,7 @@ def weigh_tool(
     place = np.einsum("nij,nj->ni", in_axes, poses.position - poses.position.mean(axis=0))
     doubts = [
         _tilt_finding(_least_squares([in_axes], forces)[0][:3], stated) if is_tilted else None,
-        _gain_finding(tool, gains[:9].reshape(3, 3) / tool.mass - axes, left_by_axes) if not is_tilted else None,
+        _gain_finding(tool, gains[:9].reshape(3, 3) / tool.mass - axes, axes_residual) if not is_tilted else None,
         _torque_finding(tool, torques, down),
         _cable_finding(tool, forces, in_axes, down @ axes.T, place, noise, is_tilted=is_tilted),
     ]
@@ -200,19 +200,19 @@ def _least_squares(columns: list[Floats], readings: Floats) -> tuple[Floats, flo
     count = len(readings)
     A = np.hstack([*(column.reshape(3 * count, -1) for column in columns), np.tile(np.eye(3), (count, 1))])
     solution = np.asarray(np.linalg.lstsq(A, readings.ravel(), rcond=None)[0], dtype=np.float64)
-    left = readings.ravel() - A @ solution
-    return solution, float(left @ left) / (len(left) - A.shape[1])
+    residuals = readings.ravel() - A @ solution
+    return solution, float(residuals @ residuals) / (len(residuals) - A.shape[1])
 
 
-def _axes(down: Floats, to_frame: Floats, forces: Floats, gains: Floats, left_by_axes: float) -> tuple[Floats, bool]:
+def _axes(down: Floats, to_frame: Floats, forces: Floats, gains: Floats, axes_residual: float) -> tuple[Floats, bool]:
     """Return the matrix (3, 3), +-R, from loads in the frame's axes to readings, and true if the base is tilted."""
-    (mass, *_), left = _least_squares([down], forces)
+    (mass, *_), residual = _least_squares([down], forces)
     as_framed = np.eye(3) if mass > 0.0 else -np.eye(3)
-    pull, left_by_tilt = _least_squares([to_frame], forces)
-    if left_by_tilt < _BETTER_SHARE * left and left_by_tilt <= left_by_axes:
+    pull, tilt_residual = _least_squares([to_frame], forces)
+    if tilt_residual < _BETTER_SHARE * residual and tilt_residual <= axes_residual:
         angle = angle_between(as_framed[0, 0] * pull[:3], np.einsum("nji,nj->ni", to_frame, down).mean(axis=0))
         return as_framed, bool(angle > _MIN_TURN_RAD)
-    if left_by_axes >= _BETTER_SHARE * left:
+    if axes_residual >= _BETTER_SHARE * residual:
         return as_framed, False
     U, _, Vt = np.linalg.svd(gains)
     turn = np.asarray(U @ Vt)
@@ -236,9 +236,9 @@ def _tilt_finding(pull: Floats, stated: Floats) -> Finding:
     return Finding("gravity", (), says, "a tilted base, or a cable that pulls constantly", f"--gravity {along}")
 
 
-def _gain_finding(tool: WristTool, off: Floats, left_by_axes: float) -> Finding | None:
+def _gain_finding(tool: WristTool, off: Floats, axes_residual: float) -> Finding | None:
     """Return the finding of wrong gains of the sensor's axes; `off` (3, 3) is their difference from a rotation."""
-    if not (left_by_axes < _BETTER_SHARE * tool.force_rms**2 and np.abs(off).max() > _MIN_GAIN_ERROR):
+    if not (axes_residual < _BETTER_SHARE * tool.force_rms**2 and np.abs(off).max() > _MIN_GAIN_ERROR):
         return None
     worst = np.unravel_index(int(np.abs(off).argmax()), off.shape)
     says = f"forces fit gains of the sensor's axes much better, off by {off[worst]:+.2f} in axis {'xyz'[worst[0]]}"
@@ -246,9 +246,9 @@ def _gain_finding(tool: WristTool, off: Floats, left_by_axes: float) -> Finding 
 
 
 def _torque_finding(tool: WristTool, torques: Floats, down: Floats) -> Finding | None:
-    matrix, left = _least_squares([np.einsum("nj,ik->nikj", down, np.eye(3))], torques)
+    matrix, residual = _least_squares([np.einsum("nj,ik->nikj", down, np.eye(3))], torques)
     size = float(np.abs(matrix[:9]).max()) * float(np.linalg.norm(down[0]))
-    if left < _BETTER_SHARE * tool.torque_rms**2 and tool.torque_rms > _MIN_GAIN_ERROR * size:
+    if residual < _BETTER_SHARE * tool.torque_rms**2 and tool.torque_rms > _MIN_GAIN_ERROR * size:
         says = f"torques follow gravity, but {tool.torque_rms:.3g} Nm (RMS) remain after fitting a centre of mass"
         return Finding("units", (), says, "axes or signs of torques that are not those of forces")
     return None

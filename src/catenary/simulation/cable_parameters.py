@@ -176,14 +176,14 @@ def parameters_of(path: Path, table: str, entries: dict[str, Entry], kind: type[
     parameters = kind()
     for name, entry in entries.items():
         field = parameters[name]
-        least, most = entry.least or entry.value, entry.most or entry.value
-        for given in (entry.value, least, most):
-            if len(given) != field.size:
-                raise ConfigError(f"{path}: [{table}] {name}: expected {field.size} numbers, got {len(given)}")
+        lower, upper = entry.least or entry.value, entry.most or entry.value
+        for values in (entry.value, lower, upper):
+            if len(values) != field.size:
+                raise ConfigError(f"{path}: [{table}] {name}: expected {field.size} numbers, got {len(values)}")
         if max(map(abs, entry.value), default=0.0) > _MAX_NUMBER:
             raise ConfigError(f"{path}: [{table}] {name}: {entry.value}, expected numbers of at most {_MAX_NUMBER:g}")
-        if not all(a <= x <= b for a, x, b in zip(least, entry.value, most, strict=True)):
-            raise ConfigError(f"{path}: [{table}] {name}: {entry.value}, plausible are {least} to {most}")
+        if not all(a <= x <= b for a, x, b in zip(lower, entry.value, upper, strict=True)):
+            raise ConfigError(f"{path}: [{table}] {name}: {entry.value}, plausible are {lower} to {upper}")
         field.flat[:] = entry.value
     return parameters
 

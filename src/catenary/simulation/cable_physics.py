@@ -80,8 +80,8 @@ def pull_cable(cable: CableDrive, state: ArmState, j: int, winding: float, windi
     state.tension[j] = tension
     share = cable.node_share[j]
     way = step * ((1.0 - share) * state.rotor_velocity[j] / true_ratio + share * winding_rate)
-    most = cable.node_friction[j] + cable.node_load_friction[j] * abs(tension)
-    state.node[j] = dragged(state.node[j], way, stiffness / (share * (1.0 - share)), most)
+    slip_force = cable.node_friction[j] + cable.node_load_friction[j] * abs(tension)
+    state.node[j] = dragged(state.node[j], way, stiffness / (share * (1.0 - share)), slip_force)
     speed = abs(state.qd[j])
     if speed > 0.0:
         state.slack[j] += step * set_rate(

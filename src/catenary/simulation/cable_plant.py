@@ -71,8 +71,8 @@ class ExternalEncoders:
 def mean_near_peak(counts: Floats, side: Floats, window: Floats) -> Floats:
     """Return the mean (3,) of counts (T, 3) within a window (3,) of their maxima, or minima where side (3,) is -1."""
     peak = np.max(counts * side, axis=0) * side
-    near = np.abs(counts - peak) <= window
-    return np.asarray(np.where(near, counts, 0.0).sum(axis=0) / near.sum(axis=0))
+    in_window = np.abs(counts - peak) <= window
+    return np.asarray(np.where(in_window, counts, 0.0).sum(axis=0) / in_window.sum(axis=0))
 
 
 def home(
@@ -93,8 +93,8 @@ def home(
     register_encoders(firmware, control, np.where(_TOOL_AXES, firmware.stop_value, firmware.home_value))
     yield from half_cosine(control.joint.copy(), np.where(_TOOL_AXES, firmware.home_value, control.joint), _HOME_TIME_S)
     seen = []
-    for wanted in _seek(control, _POSITIONING_AXES, _POSITIONING_AXES, joint_names):
-        yield wanted
+    for setpoint in _seek(control, _POSITIONING_AXES, _POSITIONING_AXES, joint_names):
+        yield setpoint
         seen.append(encoders.counts(arm.q))
     encoders.zero = mean_near_peak(np.array(seen), stop_side, encoders.rig.window)
     register_encoders(firmware, control, np.where(_POSITIONING_AXES, firmware.stop_value, control.joint))
@@ -105,15 +105,15 @@ def home(
 
 def _seek(control: ControlState, axes: Booleans, waited_for: Booleans, joint_names: Sequence[str]) -> Iterator[Floats]:
     """Move axes towards their stops until `_REGISTER_WAIT_S` after the awaited ones have reached them."""
-    wanted, seek, setpoint = control.joint.copy(), control.seek, control.setpoint
+    target, seek, setpoint = control.joint.copy(), control.seek, control.setpoint
     seek[axes] = STOP_SOUGHT
     t, since = 0.0, 0.0
     while since < _REGISTER_WAIT_S:
         ramp = 1.0 - np.cos(2.0 * np.pi * t) if t < _RAMP_S else 1.0
         at_stop = seek == STOP_FOUND
         moving = axes & ~at_stop
-        wanted = np.where(moving, wanted + _SEEK_SPEEDS * ramp * PERIOD, np.where(at_stop, setpoint, wanted))
-        yield wanted
+        target = np.where(moving, target + _SEEK_SPEEDS * ramp * PERIOD, np.where(at_stop, setpoint, target))
+        yield target
         t += PERIOD
         if (at_stop | ~waited_for).all():
             since += PERIOD
@@ -349,8 +349,8 @@ class PositioningArm:
 
     def servo_jp(self, q: Floats) -> None:
         """Move the setpoint towards q (3,)."""
-        wanted = as_array("servo_jp", q, (POSITIONING,))
-        self.arm.servo_jp(np.concatenate([wanted, self.arm.control.setpoint[POSITIONING:]]))
+        target = as_array("servo_jp", q, (POSITIONING,))
+        self.arm.servo_jp(np.concatenate([target, self.arm.control.setpoint[POSITIONING:]]))
 
     def servo_jr(self, dq: Floats) -> None:
         """Move the setpoint by dq (3,)."""
@@ -386,18 +386,18 @@ def as_reported(plant: CablePlant, values: Floats) -> Floats:
 
 
 def of_both_arms(
-    plant: CablePlant, log: TickLog, beside: CablePlant | None, log_beside: TickLog | None
+    plant: CablePlant, log: TickLog, other: CablePlant | None, other_log: TickLog | None
 ) -> dict[str, Floats]:
     """Return the telemetry of one or two arms in the robot's channels, columns as in `telemetry_of`.
 
     Args:
         plant: Arm whose columns without channels are kept.
         log: Its T ticks.
-        beside, log_beside: Other arm, if any, and its log of the same ticks.
+        other, other_log: Other arm, if any, and its log of the same ticks.
     """
     columns = telemetry_of(plant, log)
-    if beside is not None and log_beside is not None:
-        others = telemetry_of(beside, log_beside)
+    if other is not None and other_log is not None:
+        others = telemetry_of(other, other_log)
         columns |= {name: columns[name] + others[name] for name in (*_AXIS_FIELDS, "encoffsets", "pos", "ori")}
     return columns
 

@@ -150,13 +150,13 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
     enabled, is added in the other modes.
     """
     _motors_of(firmware, control.setpoint, control.motor[2], control.motor_setpoint)
-    wanted = np.zeros(AXES)
+    joint_torque = np.zeros(AXES)
     pushed = False
     for j in range(7):
         pushed = pushed or control.mode[j] == TORQUE
     if pushed:
-        _bound_torques(firmware, control, wanted)
-    cable = tensions_for(firmware.coupling, wanted)
+        _bound_torques(firmware, control, joint_torque)
+    cable = tensions_for(firmware.coupling, joint_torque)
     for j in range(7):
         torque = 0.0
         if control.mode[j] == POSITION:
@@ -168,7 +168,7 @@ def control_motors(firmware: Firmware, control: ControlState, shaft_torque: Floa
                 + firmware.ki[j] * control.integral[j]
             )
         elif control.mode[j] == TORQUE:
-            torque = (cable[j] if j < 3 else wanted[j]) * firmware.gearbox[j] / firmware.ratio[j]
+            torque = (cable[j] if j < 3 else joint_torque[j]) * firmware.gearbox[j] / firmware.ratio[j]
             control.setpoint[j] = control.joint[j]  # no jump when the PD takes over
         if j < 3 and control.mode[j] != TORQUE and control.gravity_torque[j] != 0.0:
             torque += control.gravity_torque[j]
@@ -220,9 +220,9 @@ def bounded_torque(
     """
     slowness = max(firmware.kd[j] / firmware.kp[j], _MIN_DAMPING)  # D / K [s]
     damping = slowness * firmware.kp[j] * per_joint * per_motor
-    most = damping * (_approach_speed(firmware.upper[j] - control.joint[j], slowness, _BRAKING[j]) - velocity)
-    least = -damping * (_approach_speed(control.joint[j] - firmware.lower[j], slowness, _BRAKING[j]) + velocity)
-    return float(min(max(control.torque_command[j], least), most))
+    upper = damping * (_approach_speed(firmware.upper[j] - control.joint[j], slowness, _BRAKING[j]) - velocity)
+    lower = -damping * (_approach_speed(control.joint[j] - firmware.lower[j], slowness, _BRAKING[j]) + velocity)
+    return float(min(max(control.torque_command[j], lower), upper))
 
 
 @inlined
@@ -233,16 +233,16 @@ def _approach_speed(distance: float, slowness: float, braking: float) -> float:
 
 
 @inlined
-def take_setpoint(firmware: Firmware, control: ControlState, wanted: Floats) -> None:
+def take_setpoint(firmware: Firmware, control: ControlState, command: Floats) -> None:
     """Move the setpoint to the command; if guarded, by at most one step and within the software limits."""
     for j in range(7):
-        if math.isnan(wanted[j]):
+        if math.isnan(command[j]):
             continue
         if not control.guarded:
-            control.setpoint[j] = wanted[j]
+            control.setpoint[j] = command[j]
             continue
-        most = firmware.step_limit[j]
-        moved = control.setpoint[j] + min(max(wanted[j] - control.setpoint[j], -most), most)
+        max_step = firmware.step_limit[j]
+        moved = control.setpoint[j] + min(max(command[j] - control.setpoint[j], -max_step), max_step)
         control.setpoint[j] = min(max(moved, firmware.lower[j]), firmware.upper[j])
 
 
@@ -285,10 +285,10 @@ class OwnGravity(TreeWork):
 
 def gravity_of(grav_dir: Sequence[float]) -> Floats:
     """Return gravity (3,) in base axes [m/s2] from the robot's integers [cm/s2], with z down."""
-    given = np.asarray(grav_dir, dtype=float)
-    if given.shape != (3,) or not (np.abs(given) <= _MAX_GRAV_DIR).all() or (given != np.round(given)).any():
+    vector = np.asarray(grav_dir, dtype=float)
+    if vector.shape != (3,) or not (np.abs(vector) <= _MAX_GRAV_DIR).all() or (vector != np.round(vector)).any():
         raise InputError(f"grav_dir: expected three whole numbers [cm/s2] of at most {_MAX_GRAV_DIR}, got {grav_dir}")
-    return np.asarray(_AXES * given / 100.0)
+    return np.asarray(_AXES * vector / 100.0)
 
 
 def grav_dir_of(gravity: Floats) -> tuple[int, int, int]:

@@ -97,10 +97,10 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     def wait(self) -> None:
         """Advance by one tick of 1 ms."""
-        row = self._wanted if self._homing is None else self._next_homing_row(self._homing)
+        row = self._target if self._homing is None else self._next_homing_row(self._homing)
         rows = np.full((1, len(self.joint_names)), np.nan) if row is None else row[np.newaxis]  # NaN: no motion
         self._advance(rows, self.log.rows(0))
-        self._wanted = None
+        self._target = None
 
     def run(self, setpoints: ArrayLike) -> Log:
         """Run setpoints (T, n) [rad|m], one a tick, in one compiled call; return their log. NaN leaves an axis.
@@ -171,10 +171,10 @@ class FirmwarePlant(SimulatedPlant, Generic[Log]):
 
     # for all arms
 
-    def _wake_encoders(self, rng: np.random.Generator, most: float, read: Callable[[], None]) -> None:
-        """Power on the encoders with random offsets of at most `most` counts, and set the setpoint to their reading."""
+    def _wake_encoders(self, rng: np.random.Generator, max_offset: float, read: Callable[[], None]) -> None:
+        """Power on the encoders with random offsets up to `max_offset` counts; set the setpoint to their reading."""
         control = self.control
-        control.offset = np.round(rng.uniform(-most, most, AXES))
+        control.offset = np.round(rng.uniform(-max_offset, max_offset, AXES))
         read()
         control.motor_velocity[:] = 0.0
         control.joint_velocity[:] = 0.0
@@ -275,15 +275,15 @@ def restore_plant(plant: AnyArm, path: Path) -> None:
     """
     if not path.is_file():
         raise FileFormatError(f"{path}: no such file; no state of the robot was saved there")
-    wanted = _robot(plant)
+    expected = _robot(plant)
     try:
         arrays = read_arrays(path)
         about = json_table(str(arrays["about"]), f"{path}: about")
-        saved = {key: about[key] for key in wanted}
+        saved = {key: about[key] for key in expected}
     except (FileFormatError, KeyError) as error:
         raise _unreadable(path, error) from error
-    if saved != wanted:
-        raise FileFormatError(f"{path}: is of another robot: {cut(str(saved))}, expected {wanted}")
+    if saved != expected:
+        raise FileFormatError(f"{path}: is of another robot: {cut(str(saved))}, expected {expected}")
     try:
         values = [_like(arrays[key], record[name], name) for key, record, name in _saved(plant)]
         registered = {name: _like(arrays[name], now, name) for name, now in plant.registered.items()}

@@ -320,17 +320,17 @@ def _apply_impulses(joints: DriveParameters, motion: StepMotion, stop: Floats, s
     for _ in range(_MAX_SWEEPS):
         change = 0.0
         for k in range(nz):
-            most = joints.friction[k] * step
-            if most > 0.0:
-                wanted = min(max(friction_impulse[k] - rate[k] / response[k, k], -most), most)
-                change = max(change, _apply(response, k, wanted - friction_impulse[k], rate))
-                friction_impulse[k] = wanted
+            limit = joints.friction[k] * step
+            if limit > 0.0:
+                impulse = min(max(friction_impulse[k] - rate[k] / response[k, k], -limit), limit)
+                change = max(change, _apply(response, k, impulse - friction_impulse[k], rate))
+                friction_impulse[k] = impulse
             if stop[k] == 0.0 and k < n:  # impulses of other joints may push it into its stop
                 stop[k] = _stop_at(joints, k, motion.position[k] + 0.5 * step * (rate[k] - free[k]))
             if stop[k] != 0.0:
-                wanted = stop[k] * max(stop[k] * (stop_impulse[k] - rate[k] / response[k, k]), 0.0)
-                change = max(change, _apply(response, k, wanted - stop_impulse[k], rate))
-                stop_impulse[k] = wanted
+                impulse = stop[k] * max(stop[k] * (stop_impulse[k] - rate[k] / response[k, k]), 0.0)
+                change = max(change, _apply(response, k, impulse - stop_impulse[k], rate))
+                stop_impulse[k] = impulse
         if change < _SETTLED_CHANGE:
             break
     for k in range(nz):

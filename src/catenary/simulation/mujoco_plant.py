@@ -156,12 +156,12 @@ _BANDWIDTH = 200.0  # [rad/s] a steady motion lags by 2 / _BANDWIDTH, 10 ms
 _STICTION_BAND = 1e-4  # [rad|m] from its setpoint within which the servo lets a joint stick
 
 
-def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, wanted: Floats) -> Floats:
+def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, target: Floats) -> Floats:
     """Return the torques of an ideal position servo: computed torque on the driven parts.
 
-    a = w² (wanted - theta) - 2 w theta', tau = M a + h + damping + friction, with w the _BANDWIDTH and friction fed
+    a = w² (target - theta) - 2 w theta', tau = M a + h + damping + friction, with w the _BANDWIDTH and friction fed
     forward as F clip(error / _STICTION_BAND, -1, 1): within that band a joint may stick. `motion` and `tree` are at
-    the start of a step, wanted (n,) are motor positions [rad|m]; returns (n,) [Nm|N].
+    the start of a step, target (n,) are motor positions [rad|m]; returns (n,) [Nm|N].
     """
     n, dof, drive, elastic = len(joints.drive), joints.dof, joints.drive, joints.elastic
     position, rate = motion.start, motion.start_rate
@@ -169,7 +169,7 @@ def servo_torques(joints: DriveParameters, motion: StepMotion, tree: TreeTerms, 
     bias = joints.coupling.T @ tree.bias[dof]
     pull = joints.stiffness * (position[n:] - position[elastic])
     pull += joints.spring_damping * (rate[n:] - rate[elastic])
-    error = wanted - position[drive]
+    error = target - position[drive]
     a = np.zeros(len(position))
     a[drive] = _BANDWIDTH * (_BANDWIDTH * error - 2.0 * rate[drive])
     # elastic joints accelerate under their springs and load the rigid ones: M_ee a_e = pull - h_e - M_er a_r
@@ -306,15 +306,15 @@ class MujocoPlant(SimulatedPlant):
         """Command joint torques (n,) [Nm|N]; they act until the next command, and the setpoint follows the robot."""
         self._require_ready()
         self._command[:] = as_array("servo_jf", tau, (self.model.n,))
-        self._wanted = None
+        self._target = None
         self._mode = "torque"
 
     def wait(self) -> None:
         """Advance by one tick of 1 ms; a diverging motion puts the robot in FAULT."""
-        if self._mode == "position" and self._wanted is not None:
-            step = np.clip(self._wanted - self._setpoint, -self._setpoint_step, self._setpoint_step)
+        if self._mode == "position" and self._target is not None:
+            step = np.clip(self._target - self._setpoint, -self._setpoint_step, self._setpoint_step)
             self._setpoint = np.clip(self._setpoint + step, self.model.lower, self.model.upper)
-            self._wanted = None
+            self._target = None
         for part in range(self._substeps):
             if self._mode == "brakes":
                 break
@@ -385,7 +385,7 @@ class MujocoPlant(SimulatedPlant):
         self._mode = "position" if self._moves else "brakes"
         self._motion.start_rate[:] = 0.0  # the brakes hold at once
         self._setpoint = self._motion.start[self._joints.drive]
-        self._wanted = None
+        self._target = None
         self._command[:], self._effort[:] = 0.0, 0.0
 
     def _begin_homing(self) -> None:
@@ -402,8 +402,8 @@ def _start(model: RobotModel, start: ArrayLike | None) -> Floats:
         with np.errstate(invalid="ignore"):
             middle = 0.5 * (model.lower + model.upper)
         holds_zero = (model.lower <= 0.0) & (model.upper >= 0.0)
-        near = np.where(np.isfinite(model.lower), model.lower, model.upper)
-        return np.asarray(np.where(holds_zero, 0.0, np.where(np.isfinite(middle), middle, near)))
+        limit = np.where(np.isfinite(model.lower), model.lower, model.upper)
+        return np.asarray(np.where(holds_zero, 0.0, np.where(np.isfinite(middle), middle, limit)))
     q = as_array("start", start, (model.n,)).copy()
     for name, value, low, high in zip(model.joint_names, q, model.lower, model.upper, strict=True):
         if not low <= value <= high:

@@ -332,13 +332,13 @@ def control_joints(controller: PsmController, control: PsmControlState, shaft_to
 
 
 @inlined
-def take_psm_setpoint(controller: PsmController, control: PsmControlState, wanted: Floats) -> None:
+def take_psm_setpoint(controller: PsmController, control: PsmControlState, command: Floats) -> None:
     """Move the setpoint to the command, by at most one step and, if guarded, within the joint limits."""
     for j in range(7):
         before = control.setpoint[j]
-        if not math.isnan(wanted[j]):
-            most = controller.step_limit[j]
-            moved = before + min(max(wanted[j] - before, -most), most)
+        if not math.isnan(command[j]):
+            max_step = controller.step_limit[j]
+            moved = before + min(max(command[j] - before, -max_step), max_step)
             if control.guarded:
                 moved = min(max(moved, controller.lower[j]), controller.upper[j])
             control.setpoint[j] = moved

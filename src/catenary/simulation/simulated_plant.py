@@ -37,7 +37,7 @@ class SimulatedPlant(ABC):
         self._state: StateName = "DISABLED"
         self._fault = ""  # reason of FAULT
         self._is_homed = is_homed
-        self._wanted: Floats | None = None  # (n,) position command of the next tick
+        self._target: Floats | None = None  # (n,) position command of the next tick
 
     @property
     def base(self) -> MovingBase:
@@ -74,14 +74,14 @@ class SimulatedPlant(ABC):
     def servo_jp(self, q: Floats) -> None:
         """Move the setpoint to q (n,) [rad|m] in the next tick, within its limits."""
         self._require_ready()
-        self._wanted = as_array("servo_jp", q, (len(self.joint_names),)).copy()
+        self._target = as_array("servo_jp", q, (len(self.joint_names),)).copy()
         self._control_position()
 
     def servo_jr(self, dq: Floats) -> None:
         """Move the setpoint by dq (n,) [rad|m], within its limits; commands in the same tick add up."""
         self._require_ready()
-        start = self.setpoint_js().q if self._wanted is None else self._wanted
-        self._wanted = start + as_array("servo_jr", dq, (len(self.joint_names),))
+        start = self.setpoint_js().q if self._target is None else self._target
+        self._target = start + as_array("servo_jr", dq, (len(self.joint_names),))
         self._control_position()
 
     def operating_state(self) -> OperatingState:

@@ -84,8 +84,8 @@ class CartesianSinusoids(SampledTrajectory):
         q = self._solve(model, start, times)
         self._refuse_leaps(model, times, q)
         # zero velocity and acceleration at both ends
-        rest = [(1, np.zeros(model.n)), (2, np.zeros(model.n))]
-        ends: Any = (rest, rest)  # SciPy's type stubs know no lists of derivatives
+        zeros = [(1, np.zeros(model.n)), (2, np.zeros(model.n))]
+        ends: Any = (zeros, zeros)  # SciPy's type stubs know no lists of derivatives
         self._q: BSpline = make_interp_spline(times, q, k=_DEGREE, bc_type=ends)
         self._qd, self._qdd = self._q.derivative(1), self._q.derivative(2)
 
@@ -112,13 +112,13 @@ class CartesianSinusoids(SampledTrajectory):
             except UnreachablePoseError:
                 pass  # solved pose by pose below, to report the time
         q = np.empty((len(times), model.n))
-        near = start
+        q_k = start
         for k, position in enumerate(positions):
             try:
-                near = inverse_kinematics(model, Pose(self._start.rotation, position), near, position_tolerance=1e-10)
+                q_k = inverse_kinematics(model, Pose(self._start.rotation, position), q_k, position_tolerance=1e-10)
             except UnreachablePoseError as error:
                 raise LimitError(f"{self._when(times[k], position)}: {error}") from error
-            q[k] = near
+            q[k] = q_k
         return q
 
     def _refuse_leaps(self, model: RobotModel, times: Floats, q: Floats) -> None:

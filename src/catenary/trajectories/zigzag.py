@@ -121,7 +121,7 @@ def zigzag(
     rate = float(as_positive("rows_per_second", rows_per_second))
     if len(sparsities) == 0:
         raise InputError("sparsities: expected at least one, got none")
-    rest = rate * float(as_positive("blend", blend))  # rows: a stop of one blend reaches its point exactly
+    dwell = rate * float(as_positive("blend", blend))  # rows: a stop of one blend reaches its point exactly
     fastest = _STEP * np.abs(matrix).max(axis=1)  # of each joint, per row
     times: list[Floats] = []  # in rows
     points: list[Floats] = []
@@ -130,9 +130,9 @@ def zigzag(
         joints: Floats = unit_zigzag(sparsity)[corners] @ matrix.T + shift
         begin = 0.0
         if points:
-            leaves = times[-1][-1] + rest
+            leaves = times[-1][-1] + dwell
             arrives = leaves + float((np.abs(joints[0] - points[-1][-1]) / fastest).max())
-            begin = arrives + rest
+            begin = arrives + dwell
             times.append(np.array([leaves, arrives]))
             points.append(np.array([points[-1][-1], joints[0]]))
         times.append(corners.astype(np.float64) + begin)

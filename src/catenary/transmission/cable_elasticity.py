@@ -137,20 +137,20 @@ def maxwell_step(slow_stretch: float, stretch: float, step: float, time_constant
 
 @inlined
 def set_rate(
-    tension: float, reference: float, side: float, speed: float, slack: float, rate: float, most: float
+    tension: float, reference: float, side: float, speed: float, slack: float, rate: float, max_set: float
 ) -> float:
     """Return the growth rate of a cable's permanent set [rad/s or m/s].
 
-    d(set)/dt = rate (1/2 + side T / T_ref) |dq/dt| (1 - |set| / most): with travel, faster under tension, saturating.
+    d(set)/dt = rate (1/2 + side T / T_ref) |dq/dt| (1 - |set| / max_set): travel, faster under tension, saturating.
 
     Args:
         tension, reference: T and T_ref [Nm or N].
         side: 1 or -1, direction in which the cable is laid.
         speed: |dq/dt| of the joint.
-        slack, most: Set so far, and largest set [rad or m].
+        slack, max_set: Set so far, and largest set [rad or m].
         rate: Set per travel, initially.
     """
-    return rate * (0.5 + side * tension / reference) * speed * (1.0 - abs(slack) / most)
+    return rate * (0.5 + side * tension / reference) * speed * (1.0 - abs(slack) / max_set)
 
 
 @inlined
@@ -177,16 +177,16 @@ def next_draw(number: float) -> float:
 
 
 @inlined
-def wander_step(slack: float, number: float, way: float, wander: float, most: float) -> float:
+def wander_step(slack: float, number: float, way: float, wander: float, max_set: float) -> float:
     """Return a cable's permanent set after a random-walk step by travel, as strands settle.
 
-    Var(d set) = wander^2 |way|, independent of speed, less as the set nears `most`.
+    Var(d set) = wander^2 |way|, independent of speed, less as the set nears `max_set`.
 
     Args:
         number: Random number from `next_draw`.
         way: Travel of the joint [rad or m].
         wander: [rad or m per square root of travel].
-        slack, most: Set so far, and largest set [rad or m].
+        slack, max_set: Set so far, and largest set [rad or m].
     """
     kick = 3.4641016151377544 * (number / RANDOM_MODULUS - 0.5)  # of variance 1
-    return slack + wander * math.sqrt(abs(way)) * kick * max(0.0, 1.0 - abs(slack) / most)
+    return slack + wander * math.sqrt(abs(way)) * kick * max(0.0, 1.0 - abs(slack) / max_set)

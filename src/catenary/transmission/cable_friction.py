@@ -23,21 +23,21 @@ from catenary.kernels.compiled import compiled, inlined
 
 
 @inlined
-def coulomb(velocity: float, most: float) -> float:
+def coulomb(velocity: float, reduction: float) -> float:
     """Return the velocity after friction, which reduces its magnitude; zero if friction stops it.
 
     Args:
-        velocity, most: Velocity before, and its largest reduction.
+        velocity, reduction: Velocity before, and its largest reduction.
     """
-    if velocity > most:
-        return velocity - most
-    if velocity < -most:
-        return velocity + most
+    if velocity > reduction:
+        return velocity - reduction
+    if velocity < -reduction:
+        return velocity + reduction
     return 0.0
 
 
 @inlined
-def dragged(force: float, moved: float, stiffness: float, most: float) -> float:
+def dragged(force: float, moved: float, stiffness: float, slip_force: float) -> float:
     """Return the force of a Jenkins element, a spring in series with dry friction, after a motion of its free end.
 
     Equals `coupled_friction` with one element on one joint.
@@ -45,13 +45,13 @@ def dragged(force: float, moved: float, stiffness: float, most: float) -> float:
     Args:
         moved: Motion [rad or m].
         stiffness: [Nm/rad or N/m].
-        force, most: Force before the motion, and force at which it slips [Nm or N].
+        force, slip_force: Force before the motion, and force at which it slips [Nm or N].
     """
-    return min(max(force + stiffness * moved, -most), most)
+    return min(max(force + stiffness * moved, -slip_force), slip_force)
 
 
 @inlined
-def coulomb_coupled(inverse_inertia: Numbers, impulse: Numbers, velocity: Numbers, given: Numbers, sweeps: int) -> None:
+def coulomb_coupled(inverse_inertia: Numbers, impulse: Numbers, velocity: Numbers, p: Numbers, sweeps: int) -> None:
     """Apply Coulomb friction to coupled joints, by projected Gauss-Seidel.
 
     Computes impulses p, |p_j| <= impulse_j, such that each entry of v - A p is zero, or has the sign of p_j at its
@@ -61,24 +61,24 @@ def coulomb_coupled(inverse_inertia: Numbers, impulse: Numbers, velocity: Number
         inverse_inertia: A (n, n).
         impulse: (n,) friction times the step.
         velocity: v (n,), overwritten with v - A p.
-        given: (n,) initial guess, overwritten with p.
+        p: (n,) initial guess, overwritten with the solution.
         sweeps: Largest number of iterations.
     """
     n = len(velocity)
     for j in range(n):
-        start = min(max(given[j], -impulse[j]), impulse[j])
-        given[j] = start
+        start = min(max(p[j], -impulse[j]), impulse[j])
+        p[j] = start
         for i in range(n):
             velocity[i] = velocity[i] - inverse_inertia[i, j] * start
     for _ in range(sweeps):
         settled = True
         for j in range(n):
-            wanted = given[j] + velocity[j] / inverse_inertia[j, j]
-            allowed = min(max(wanted, -impulse[j]), impulse[j])
-            change = allowed - given[j]
+            unclamped = p[j] + velocity[j] / inverse_inertia[j, j]
+            allowed = min(max(unclamped, -impulse[j]), impulse[j])
+            change = allowed - p[j]
             if change != 0.0:
                 settled = False
-                given[j] = allowed
+                p[j] = allowed
                 for i in range(n):
                     velocity[i] = velocity[i] - inverse_inertia[i, j] * change
         if settled:

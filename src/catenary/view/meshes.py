@@ -118,24 +118,24 @@ def _travel(model: RobotModel, link: int) -> tuple[float, float]:  # [rad|m]
     return float(low), float(high)
 
 
-def _draw_way(model: RobotModel, parts: _Parts, link: int, child: int, radius: float, near: float) -> None:
+def _draw_way(model: RobotModel, parts: _Parts, link: int, child: int, radius: float, tolerance: float) -> None:
     tree = model.tree
     origin = tree.origin[child]
     if tree.prismatic[child]:
         axis = tree.rotation[child] @ tree.axis[child]
         low, high = _travel(model, child)
-        if high - low > near:
+        if high - low > tolerance:
             parts[link].append(bar(origin + low * axis, origin + high * axis, 0.6 * radius))
-    if np.linalg.norm(origin) > near:
+    if np.linalg.norm(origin) > tolerance:
         parts[link].append(bar(np.zeros(3), origin, radius))
 
 
-def _spherical_joints(model: RobotModel, near: float) -> list[int]:
+def _spherical_joints(model: RobotModel, tolerance: float) -> list[int]:
     """Return the first revolute joints of a robot, two or more, whose axes intersect, followed by a slider."""
     tree = model.tree
     joints: list[int] = []
     for i, parent in enumerate(tree.parent):
-        chained = parent == i - 1 and (i == 0 or np.linalg.norm(tree.origin[i]) < near)
+        chained = parent == i - 1 and (i == 0 or np.linalg.norm(tree.origin[i]) < tolerance)
         if not chained:
             return []
         if tree.prismatic[i]:  # the slider passes through the centre

@@ -267,8 +267,8 @@ class Curves:
         """Return the plots of a joint: errors [deg|mm], torque [Nm|N] and, without a recording, the loop."""
         name, unit = self._names[joint], self._units[joint]
         if self._recording is not None:
-            near = np.abs(self._recording["time"] - self._now) <= 0.5 * _SPAN_S
-            part = {key: column[near] for key, column in self._recording.items()}
+            in_window = np.abs(self._recording["time"] - self._now) <= 0.5 * _SPAN_S
+            part = {key: column[in_window] for key, column in self._recording.items()}
             return joint_plots(part, part["time"] - self._now, joint, name, unit)
         n, states = len(self._names), self._states
         columns = {key: np.array([numbers(getattr(state, key), n) for state in states]) for key in _OF_JOINTS}

@@ -125,7 +125,7 @@ class SwitchedCorrector:
         self._corrector.correct_state(whole, q, flags, widths)
         self.calibrated, self.inside, self.interval = q[:n], flags[:n], widths[:n]
         correction = self.calibrated - state.q if self.is_on else np.zeros(n)
-        out[:] = state.q + correction - self._fade.left_out(correction, self.is_on != self._was_on)
+        out[:] = state.q + correction - self._fade.remainder(correction, self.is_on != self._was_on)
         self._was_on = self.is_on
         inside[:], interval[:] = self.inside, self.interval
 
@@ -234,14 +234,14 @@ def driving_tabs(
             *joint_sliders(limits, q),
         ),
     )
-    most = 1.0 if has_cables else 5.0
+    max_payload = 1.0 if has_cables else 5.0
     friction = ("Coulomb friction, x its own", 1.0) if has_cables else ("Coulomb friction", 0.0)
     sliders = [  # name, label, value, ends and step, hint
         ("roll_deg", "base roll [deg]", 0.0, (-90.0, 90.0, 1.0), "About x."),
         ("pitch_deg", "base pitch [deg]", 0.0, (-90.0, 90.0, 1.0), "Then about the base's own y."),
         ("rocking_deg", "rocking, to either side [deg]", 0.0, (0.0, 20.0, 0.5), "About x."),
         ("rocking_hz", "rocking [Hz]", 0.5, (0.1, 2.0, 0.1), ""),
-        ("payload_kg", "payload [kg]", 0.0, (0.0, most, 0.05), "Unknown to the controller."),
+        ("payload_kg", "payload [kg]", 0.0, (0.0, max_payload, 0.05), "Unknown to the controller."),
         ("friction", *friction, (0.0, _FRICTION_END, 0.1), ""),
         ("wear", "cable wear [share]", 0.0, (0.0, 1.0, 0.05), "Permanent stretch and loss of stiffness."),
     ]

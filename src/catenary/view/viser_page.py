@@ -185,7 +185,7 @@ class ViserPage:
         self._handles: dict[str, Any] = {}  # of controls
         self._values: dict[str, Value] = {}  # last values of controls
         self._joint = 0
-        self._wanted = dict.fromkeys(ARMS, True)
+        self._visible = dict.fromkeys(ARMS, True)
         self._build_scene()
         self._build_panels()
 
@@ -212,7 +212,7 @@ class ViserPage:
             self._base.wxyz = scene.base_wxyz
             for name in ARMS:
                 arm = scene.arms.get(name)
-                self._roots[name].visible = arm is not None and self._wanted[name]
+                self._roots[name].visible = arm is not None and self._visible[name]
                 if arm is not None:
                     for node, wxyz, position in zip(self._arms[name], arm.wxyz, arm.positions, strict=True):
                         node.wxyz, node.position = wxyz, position
@@ -332,7 +332,7 @@ class ViserPage:
             for name in ARMS:
                 if name in shown.legend:
                     box = gui.add_checkbox(f"{shown.legend[name]} arm", True)
-                    box.on_update(lambda event, name=name: self._wanted.__setitem__(name, event.target.value))
+                    box.on_update(lambda event, name=name: self._visible.__setitem__(name, event.target.value))
             gui.add_button("Clear the tip's paths").on_click(lambda _: self.forget_paths())
         plots = gui.add_panel()
         plots.dock_left()
@@ -351,8 +351,8 @@ class ViserPage:
         def changed(event: Any) -> None:
             if event.client is None:  # changed by this program
                 return
-            value = accepted(control, given := event.target.value)
-            if value != given:
+            value = accepted(control, entered := event.target.value)
+            if value != entered:
                 event.target.value = self._values[name] if value is None else value  # in all browsers
             if value is not None:
                 self._values[name] = value

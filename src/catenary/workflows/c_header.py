@@ -92,8 +92,8 @@ def c_header(
                 t for t in (() if loads is None else loads.terms) if t.friction is not None and t.friction.memory
             ]
             for kind in sorted({term.kind for term in remembers}):  # one instant does not know what was before
-                told_of = f"{kind} friction of {', '.join(term.name for term in remembers if term.kind == kind)}"
-                notes.append(f"{told_of} is written as in steady sliding, where it is Coulomb friction")
+                friction = f"{kind} friction of {', '.join(term.name for term in remembers if term.kind == kind)}"
+                notes.append(f"{friction} is written as in steady sliding, where it is Coulomb friction")
             functions += ["mass_matrix", "holding", "inverse_dynamics"]
             functions += [*(["friction", "drives"] if loads is not None else []), "feedforward"]
         if tool is not None:
@@ -245,8 +245,8 @@ def c_correction(prefix: str, model: CalibrationModel, rate_hz: float | None = N
                 names[id(array)] = f"a{len(declared)}"
                 is_constant = not any(array is output for output in step.outputs)
                 declared.append(_declared(names[id(array)], array, is_constant=is_constant))
-        given = [Value(names[id(array)], _kind(array), tuple(map(str, array.shape))) for array in arrays]
-        calls.append(f"  {functions.call(step.function, given).text};")
+        arguments = [Value(names[id(array)], _kind(array), tuple(map(str, array.shape))) for array in arrays]
+        calls.append(f"  {functions.call(step.function, arguments).text};")
     fields = [f"  double {name}[{max(1, array.size)}];" for name, array in state.items()]
     head = _CORRECTION_HEAD.format(
         fields="\n".join(fields), values=",\n".join(f"    {_items(a)}" for a in state.values())

@@ -10,7 +10,7 @@ import numpy as np
 
 from catenary.archives import read_arrays
 from catenary.arrays import Floats
-from catenary.bounded_parsers import MOST_JSON, json_table, read_bounded
+from catenary.bounded_parsers import MAX_JSON_BYTES, json_table, read_bounded
 from catenary.calibration.conformal import coverage_verdicts
 from catenary.calibration.dataset import data_notes, usable_rows
 from catenary.calibration.evaluate import HARM_RATIO, OUTSIDE_SHARE, Evaluation, evaluate
@@ -105,7 +105,7 @@ class HeldAgainst:
     card: Card
     recordings: Recordings  # of the model's joints, mended as its training data were; limits as asked, or as in its fit
     accept: tuple[str, ...]  # names of findings about recordings to continue despite
-    said: list[str]  # notes on that
+    limit_notes: list[str]  # on the error limits
 
     @property
     def logs(self) -> tuple[MotionLog, ...]:
@@ -121,17 +121,17 @@ class HeldAgainst:
         """Return the model's errors, also over windows of time [s], each a tenth of the data when None."""
         data = usable_rows(self.recordings, self.model.features)
         seen = tuple(log.name for log in self.logs if log.is_among(self.card["data"]))
-        notes = [*data_notes(self.logs, data), *self.said, *self._judged("evaluated")]
+        notes = [*data_notes(self.logs, data), *self.limit_notes, *self._judged("evaluated")]
         notes += [f"{name}: the model was fitted to rows of this recording: no independent test" for name in seen]
-        found = evaluate(self.model, data, window=window)
-        return EvaluationResult(self.model, self.card, found, (*notes, *warnings_of(found)), seen)
+        evaluation = evaluate(self.model, data, window=window)
+        return EvaluationResult(self.model, self.card, evaluation, (*notes, *warnings_of(evaluation)), seen)
 
     def drift(self, factor: float = DRIFT_FACTOR) -> tuple[DriftFound, list[str]]:
         """Return the model's errors over recordings, in the order given, and notes on these; see `find_drift`.
 
         `factor` is of the card's error, for a model without intervals.
         """
-        notes = [*(note for log in self.logs for note in log.named_notes), *self.said]
+        notes = [*(note for log in self.logs for note in log.named_notes), *self.limit_notes]
         notes += self._judged("judged")
         return find_drift(self.model, self.recordings, known_errors(self.card), factor=factor), notes
 
@@ -139,7 +139,7 @@ class HeldAgainst:
         """Bring the model up to date with recordings of a new day, see `refresh_with`."""
         hashed = sha256_of(self.path)
         day = refresh_with(self.model, self.card, self.recordings, accept=self.accept, sha256=hashed)
-        return replace(day, notes=(*day.notes, *self.said))
+        return replace(day, notes=(*day.notes, *self.limit_notes))
 
     def _judged(self, done: str) -> list[str]:
         return judge_recordings(self.model, self.recordings, accept=self.accept, done=done)
@@ -164,9 +164,9 @@ def held_against(
     """
     model, card = load_model(model_path, own)
     logs = recordings_for(model, paths, reading)
-    max_error, said = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
+    max_error, notes = trained_limits(card, max_error, as_trained=reading is None or reading.as_trained)
     recordings = Recordings.of(logs, robot=card.get("robot"), max_error=max_error)
-    return HeldAgainst(model_path, model, card, recordings, tuple(accept), said)
+    return HeldAgainst(model_path, model, card, recordings, tuple(accept), notes)
 
 
 def recordings_for(
@@ -239,41 +239,41 @@ def card_history(paths: Sequence[Path], factor: float = DRIFT_FACTOR) -> DriftFo
         factor: Ratio of errors from which a model counts as drifted.
     """
     cards = [
-        json_table(read_bounded(path, MOST_JSON), str(path)) if path.suffix == ".json" else load_model(path)[1]
+        json_table(read_bounded(path, MAX_JSON_BYTES), str(path)) if path.suffix == ".json" else load_model(path)[1]
         for path in paths
     ]
     names = [path.stem.removesuffix(".card") for path in paths]
     return find_card_drift([*zip(names, cards, map(known_errors, cards), strict=True)], factor=factor)
 
 
-def drift_summary(found: DriftFound, notes: Sequence[str] = ()) -> dict[str, Any]:
+def drift_summary(drift: DriftFound, notes: Sequence[str] = ()) -> dict[str, Any]:
     """Return a drift report as plain data, errors in deg and mm.
 
     Args:
         notes: Further sentences.
     """
     return {
-        "joints": found.joint_names,
-        "judged_by": found.judged_by,
-        "stretches": [asdict(stretch) for stretch in found.stretches],
-        "beyond_since": dict(zip(found.joint_names, found.since, strict=True)),
-        "in_words": since_in_words(found),
+        "joints": drift.joint_names,
+        "judged_by": drift.judged_by,
+        "stretches": [asdict(stretch) for stretch in drift.stretches],
+        "beyond_since": dict(zip(drift.joint_names, drift.since, strict=True)),
+        "in_words": since_in_words(drift),
         "notes": list(notes),
     }
 
 
 def warnings_of(evaluation: Evaluation) -> list[str]:
     """Return in words where a model does harm, or could not be asked; each opens with "warning: "."""
-    said = []
+    doubts = []
     for joint in evaluation.joints:
         if joint.rmse > HARM_RATIO * joint.offset_rmse:
             errors = f"{joint.rmse:.3g} against {joint.offset_rmse:.3g} {joint.unit}"
             worse = "the model is worse than the fixed offset here"
-            said.append(f"{joint.name}: {worse}, {errors}: do not deploy it on this joint")
+            doubts.append(f"{joint.name}: {worse}, {errors}: do not deploy it on this joint")
         if joint.outside_valid_range > OUTSIDE_SHARE:
             share = f"{joint.outside_valid_range:.0%} of rows lie outside the model's valid range"
-            said.append(f"{joint.name}: {share}, where it gives the fixed offset; train on motion that goes there")
-    return [f"warning: {doubt}" for doubt in said]
+            doubts.append(f"{joint.name}: {share}, where it gives the fixed offset; train on motion that goes there")
+    return [f"warning: {doubt}" for doubt in doubts]
 
 
 def interval_summary(evaluation: Evaluation) -> dict[str, Any] | None:

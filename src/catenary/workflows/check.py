@@ -77,7 +77,7 @@ class FileReport:
     draw: "Callable[[], Figure] | None" = None  # plots a recording's delay
     next: str = ""  # the next command line, or other advice
 
-    def tell(self, key: str, fact: Any, text: str | None = None, *, called: str = "") -> None:
+    def add(self, key: str, fact: Any, text: str | None = None, *, called: str = "") -> None:
         """Add a fact, and its line of text (the fact itself if None)."""
         self.facts[key] = fact
         self.lines.append((called or key.replace("_", " "), str(fact) if text is None else text))
@@ -107,9 +107,9 @@ class FileReport:
             if not remark.startswith(shown)
         ]
         room = _SCREEN_ROWS - len(self.lines) - len(self.joints.records) - 2 * len(self.faults)
-        most = max(1, room // 2 - 1)
-        more = len(remarks) - most
-        return [*remarks[:most], *[f"{more} more, and all of these whole: --json"] * (more > 0)]
+        max_lines = max(1, room // 2 - 1)
+        more = len(remarks) - max_lines
+        return [*remarks[:max_lines], *[f"{more} more, and all of these whole: --json"] * (more > 0)]
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""
@@ -160,54 +160,56 @@ def check_recording(
     source = source if source is not None else TypedRecording(f"{log.name}.parquet")
     as_read, log = log, mend(log)
     arm = robot_of([log], robot)
-    findings, mended, cured, left = judged(as_read, mend, robot=arm, max_error=error_limits(max_error, log))
-    asked = [
+    findings, mended, cured, unsolved = judged(as_read, mend, robot=arm, max_error=error_limits(max_error, log))
+    suggested = [
         finding.remedy.removeprefix(f"{MAX_ERROR_OPTION} ")
         for finding in findings
         if finding.remedy.startswith(f"{MAX_ERROR_OPTION} ")
     ]
-    limits = ",".join(f"{limit:g}" for limit in max_error) if max_error is not None else next(iter(asked), "")
-    found = recording_report("recording", log, arm, cured)
-    found.lines[0] = ("recording", f"{layout}{', ' if layout else ''}{found.lines[0][1]}")
-    found.findings = findings
-    found.remarks = [f"{finding.name}: {finding}" for finding in findings if not finding.refuses]
-    seen = [j for j in found.facts["joints"] if (j["highest"] - j["lowest"]) * DISPLAY[j["unit"]][1] > MOVED_DEG_MM]
-    few = [f"{j['name']} {j['reversals']} times" for j in seen if j["reversals"] < _MIN_REVERSALS]
-    found.remarks += [f"few reversals ({', '.join(few)}): slack and hysteresis are uncertain"] * bool(few)
+    limits = ",".join(f"{limit:g}" for limit in max_error) if max_error is not None else next(iter(suggested), "")
+    report = recording_report("recording", log, arm, cured)
+    report.lines[0] = ("recording", f"{layout}{', ' if layout else ''}{report.lines[0][1]}")
+    report.findings = findings
+    report.remarks = [f"{finding.name}: {finding}" for finding in findings if not finding.refuses]
+    seen = [j for j in report.facts["joints"] if (j["highest"] - j["lowest"]) * DISPLAY[j["unit"]][1] > MOVED_DEG_MM]
+    rare = [f"{j['name']} {j['reversals']} times" for j in seen if j["reversals"] < _MIN_REVERSALS]
+    report.remarks += [f"few reversals ({', '.join(rare)}): slack and hysteresis are uncertain"] * bool(rare)
     lost = int((~log.ok).sum())
     if log.q_encoder is None:
-        found.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
+        report.faults.append("no measured joint positions (q_encoder): it cannot be calibrated from")
         robot_of_it = [] if "--robot" in source.options else ["--robot", log.robot or "ROBOT"]
-        found.next = "measure the joints by a camera or encoders, and import that too: --map q_encoder=COLUMNS"
-        found.next = found.next if log.tau is None else source.command("identify", robot_of_it, "_arm.npz")
+        report.next = "measure the joints by a camera or encoders, and import that too: --map q_encoder=COLUMNS"
+        report.next = report.next if log.tau is None else source.command("identify", robot_of_it, "_arm.npz")
     else:
-        found.next = (
-            f"no option corrects {', '.join(left)}: bring in the right columns (catenary import), or record again"
-            if left
+        report.next = (
+            f"no option corrects {', '.join(unsolved)}: bring in the right columns (catenary import), or record again"
+            if unsolved
             else source.command("fit", [*mended.options, *([MAX_ERROR_OPTION, limits] if limits else [])], "_model.npz")
         )
-        found.remarks += [f"{lost} rows without a trusted measurement are used as history only"] * (0 < lost < len(log))
-    found.remarks += [note for note in log.notes if not note.endswith("have no q_encoder")]
-    found.faults += [f"{finding.name}: {finding}" for finding in findings if finding.refuses]
-    _tell(found, findings)
+        report.remarks += [f"{lost} rows without a trusted measurement are used as history only"] * (
+            0 < lost < len(log)
+        )
+    report.remarks += [note for note in log.notes if not note.endswith("have no q_encoder")]
+    report.faults += [f"{finding.name}: {finding}" for finding in findings if finding.refuses]
+    _add_delay_and_outliers(report, findings)
     if log.q_encoder is not None:
-        delay = found.facts["delay"] or {}
+        delay = report.facts["delay"] or {}
         before, shift = retimed_by(log), delay["seconds"] if delay.get("sure") in ("certain", "likely") else 0.0
-        found.draw = lambda: overlay(log, before, -shift)
-    return found
+        report.draw = lambda: overlay(log, before, -shift)
+    return report
 
 
-def _tell(found: FileReport, findings: Sequence[Finding]) -> None:
+def _add_delay_and_outliers(report: FileReport, findings: Sequence[Finding]) -> None:
     """Add facts and lines on delay and outliers, and the delays that could be hidden to the verdict."""
     delay = next((finding.delay for finding in findings if finding.delay is not None), None)
-    found.facts["delay"] = None if delay is None else asdict(delay)
-    found.lines += [("delay", finding.says) for finding in findings if finding.name == "delay"]
-    measured = found.facts["measured_rows"]
-    wild = ", ".join(f"{j['name']} {j['outliers']}" for j in found.facts["joints"] if j["outliers"])
+    report.facts["delay"] = None if delay is None else asdict(delay)
+    report.lines += [("delay", finding.says) for finding in findings if finding.name == "delay"]
+    measured = report.facts["measured_rows"]
+    wild = ", ".join(f"{j['name']} {j['outliers']}" for j in report.facts["joints"] if j["outliers"])
     outliers = f"{wild} of {measured:,} rows, beyond {OUTLIER_SIGMAS:g} robust standard deviations" if wild else "none"
-    found.lines += [("outliers", outliers)] * bool(measured)
+    report.lines += [("outliers", outliers)] * bool(measured)
     if delay is not None and delay.sure != "certain":
-        found.hiding = [f"a delay within {delay.low:+.3f} to {delay.high:+.3f} {delay.unit} would hide"]
+        report.hiding = [f"a delay within {delay.low:+.3f} to {delay.high:+.3f} {delay.unit} would hide"]
 
 
 def recording_report(
@@ -217,32 +219,32 @@ def recording_report(
 
     Joints are compared with the robot's limits; slack and hysteresis are estimated from `cured`, the corrected log.
     """
-    found = FileReport(kind, dict.fromkeys(("duration_s", "median_step_s", "gaps", "longest_gap_s")))
+    report = FileReport(kind, dict.fromkeys(("duration_s", "median_step_s", "gaps", "longest_gap_s")))
     measured = int(log.ok.sum()) if log.q_encoder is not None else 0
     began, units = log.began + (0.0 if log.time is None else float(log.time[0])), _units(log)
-    found.facts |= {key: getattr(log, key) for key in ("name", "robot", "simulated", "sha256")}
-    found.facts |= {"rows": len(log), "measured_rows": measured, "recorded": date_of(began), "units_from": units}
+    report.facts |= {key: getattr(log, key) for key in ("name", "robot", "simulated", "sha256")}
+    report.facts |= {"rows": len(log), "measured_rows": measured, "recorded": date_of(began), "units_from": units}
     rows = f"{len(log):,} rows, {f'{measured:,}' if measured else 'none'} with a trusted measurement"
     of = f"{log.robot or 'not stated'}{', simulated' if log.simulated else ''}"
-    found.lines += [("recording", rows), ("robot", f"{of}; {date_of(began) or 'date not stated'}")]
+    report.lines += [("recording", rows), ("robot", f"{of}; {date_of(began) or 'date not stated'}")]
     steps = np.diff(np.empty(0) if log.time is None else log.time)
     if len(forward := steps[steps > 0.0]):
         duration, median = float(forward.sum()), float(np.median(forward))
         gaps, longest = int((forward > _GAP_STEPS * median).sum()), float(forward.max())
-        found.facts |= {"median_step_s": median, "gaps": gaps, "longest_gap_s": longest if gaps else None}
+        report.facts |= {"median_step_s": median, "gaps": gaps, "longest_gap_s": longest if gaps else None}
         long = f"{gaps} gaps longer than {_GAP_STEPS:g} steps, the longest {longest:.3g} s" if gaps else "no gaps"
         timing = f"{duration:.1f} s, median step {median:.4g} s ({1.0 / median:.4g} Hz), {long}"
-        found.tell("duration_s", duration, timing, called="duration")
-    found.lines.append(("units", f"{', '.join(log.joint_units)}: {units}"))
-    found.facts["joints"] = _joints(log, robot, log if cured is None else cured)
-    found.joints = _table(found.facts["joints"], measured=log.q_encoder is not None)
-    return found
+        report.add("duration_s", duration, timing, called="duration")
+    report.lines.append(("units", f"{', '.join(log.joint_units)}: {units}"))
+    report.facts["joints"] = _joints(log, robot, log if cured is None else cured)
+    report.joints = _table(report.facts["joints"], measured=log.q_encoder is not None)
+    return report
 
 
 def _units(log: MotionLog) -> str:
-    given = [text for key, texts in log.settled.items() if key.startswith("units") for text in texts]
-    if given:
-        return f"converted by --units ({'; '.join(given)})"
+    stated = [text for key, texts in log.settled.items() if key.startswith("units") for text in texts]
+    if stated:
+        return f"converted by --units ({'; '.join(stated)})"
     if log.units_assumed:
         return "assumed, as they are not stated"
     return "as its file or its mapping states" if "units" in log.settled else "as --robot or --units says"
@@ -311,7 +313,7 @@ def check_file(
         return check_robot(load_robot(source))
     is_recording = bags_in(path) != [path] or is_journal(path) or (path / METADATA).is_file()
     if needs_mapping(path) or (format_of(path).holds == "messages" and (is_recording or not path.is_dir())):
-        return _check_other_make(source, reading.mend, robot, max_error)
+        return _check_third_party(source, reading.mend, robot, max_error)
     if path.is_dir():
         hint = "; of a project `catenary view` shows the results" if (path / SETTINGS).is_file() else ""
         raise FileFormatError(f"{path}: is a folder, expected a file or a bag{hint}")
@@ -331,18 +333,18 @@ def check_file(
             )
         model = load_robot(robot)
         log = read_torque_log(path, model, reading)
-        found = recording_report("recording for identification", log, model)
-        found.faults, remarks, found.findings = torque_verdict(log, model)
-        found.remarks = [*log.notes, *remarks]
-        found.next = "" if found.faults else as_typed.command("identify", reading.mend.options, "_arm.npz")
-        return found
+        report = recording_report("recording for identification", log, model)
+        report.faults, remarks, report.findings = torque_verdict(log, model)
+        report.remarks = [*log.notes, *remarks]
+        report.next = "" if report.faults else as_typed.command("identify", reading.mend.options, "_arm.npz")
+        return report
     if format_of(path).has_layouts:
         try:
             layout = known_layout([path], robot=robot)
         except FileFormatError:  # reading the file raises a more detailed error
             layout = ""
         if layout is None and "q_des" not in arrays:
-            return _check_other_make(source, reading.mend, robot, max_error)
+            return _check_third_party(source, reading.mend, robot, max_error)
         log = read_recording(path, as_read)
         return check_recording(log, as_typed, mend=reading.mend, robot=robot, max_error=max_error, layout=layout or "")
     if not path.exists():
@@ -353,12 +355,12 @@ def check_file(
     )
 
 
-def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tuple[float, ...] | None) -> FileReport:
+def _check_third_party(source: str, mend: Mend, robot: str | None, max_error: tuple[float, ...] | None) -> FileReport:
     """Check a third-party recording, imported by its known layout or by a proposed mapping."""
     path = Path(source)
     units = next((text for text in mend.units if units_of(text)[0] is None), None)
     mend = replace(mend, units=tuple(text for text in mend.units if text != units))
-    said = [*(("--units", units) if units else ()), *(("--robot", robot) if robot else ())]
+    options = [*(("--units", units) if units else ()), *(("--robot", robot) if robot else ())]
     layout = known_layout([path], robot=robot)
     if layout is None:
         proposal = propose_mapping(path, units=units, robot=robot)
@@ -368,15 +370,15 @@ def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tup
         if proposal.questions:
             facts = {"proposal": proposal.toml, "decisions": list(proposal.decisions)}
             toml = f"{path.with_suffix('').name}.toml"
-            asks = shlex.join(["catenary", "import", source, *said]) + f" > {shlex.quote(toml)}"
+            asks = shlex.join(["catenary", "import", source, *options]) + f" > {shlex.quote(toml)}"
             return FileReport(
                 "third-party recording", facts, [], [f"open: {question}" for question in proposal.questions],
                 next=f"{asks}, answer what is OPEN in it, then catenary check {shlex.quote(source)} --mapping {toml}",
             )  # fmt: skip
-        log, said = import_recording(path, proposal.accepted()), [*said, "--yes"]
+        log, options = import_recording(path, proposal.accepted()), [*options, "--yes"]
     else:
         log = import_recording(path, units=units, robot=robot)
-    as_typed = TypedRecording(source, () if robot is None else ("--robot", robot), tuple(said))
+    as_typed = TypedRecording(source, () if robot is None else ("--robot", robot), tuple(options))
     return check_recording(
         log, as_typed, mend=mend, robot=robot, max_error=max_error, layout=layout or "by the mapping that it suggests"
     )
@@ -384,21 +386,21 @@ def _check_other_make(source: str, mend: Mend, robot: str | None, max_error: tup
 
 def _check_inertial(source: str) -> FileReport:
     imu = read_imu(Path(source))
-    found = FileReport("recording of an inertial unit", next=shlex.join(["catenary", "sense", "--replay", source]))
-    found.tell("readings", len(imu.time), f"{len(imu.time)} in {imu.duration:.1f} s")
-    found.tell("gyroscope", imu.rate is not None, "none" if imu.rate is None else "yes")
+    report = FileReport("recording of an inertial unit", next=shlex.join(["catenary", "sense", "--replay", source]))
+    report.add("readings", len(imu.time), f"{len(imu.time)} in {imu.duration:.1f} s")
+    report.add("gyroscope", imu.rate is not None, "none" if imu.rate is None else "yes")
     finite = np.asarray(np.isfinite(imu.force).all(axis=1))
     if not finite.all():
-        found.faults.append(f"{int((~finite).sum())} of {len(finite)} accelerometer readings are not numbers")
+        report.faults.append(f"{int((~finite).sum())} of {len(finite)} accelerometer readings are not numbers")
     mean = imu.force[finite].mean(axis=0) if finite.any() else np.full(3, np.nan)
-    found.tell("mean_force", mean.tolist(), f"{', '.join(f'{f:.2f}' for f in mean)} m/s2", called="mean")
-    found.remarks += imu.notes
-    return found
+    report.add("mean_force", mean.tolist(), f"{', '.join(f'{f:.2f}' for f in mean)} m/s2", called="mean")
+    report.remarks += imu.notes
+    return report
 
 
 def check_robot(model: RobotModel) -> FileReport:
     """Check a robot: inertia, implausible masses, limits, and parts of its file that the model lacks."""
-    found = FileReport("robot")
+    report = FileReport("robot")
     joints, limits = [], []
     ends = model.lower.tolist(), model.upper.tolist()
     for name, unit, lower, upper in zip(model.joint_names, model.joint_units, *ends, strict=True):
@@ -407,41 +409,41 @@ def check_robot(model: RobotModel) -> FileReport:
         bounds = f"{scale * lower:g} to {scale * upper:g} {shown}" if np.isfinite([lower, upper]).any() else "no limits"
         limits.append(f"{name} [{unit}] {bounds}")
     mass, drives = float(model.tree.mass.sum()), _drives(model)
-    found.tell("name", model.name)
-    found.tell("joints", joints, "; ".join(limits))
-    found.tell("links", model.link_names, ", ".join(model.link_names))
-    found.tell("frames", list(model.frames), ", ".join(model.frames))
-    found.tell("tip", model.tip)
-    found.tell("moving_mass_kg", mass, f"{mass:g} kg", called="moving mass")
-    found.tell("massless_links", model.massless, ", ".join(model.massless) or "none")
+    report.add("name", model.name)
+    report.add("joints", joints, "; ".join(limits))
+    report.add("links", model.link_names, ", ".join(model.link_names))
+    report.add("frames", list(model.frames), ", ".join(model.frames))
+    report.add("tip", model.tip)
+    report.add("moving_mass_kg", mass, f"{mass:g} kg", called="moving mass")
+    report.add("massless_links", model.massless, ", ".join(model.massless) or "none")
     driven = []
     for drive in drives or ():
         force, inertia = ("Nm", "kg m2") if drive["unit"] == "rad" else ("N", "kg")
         friction = f"{drive['coulomb']:.4g} {force} + {drive['viscous']:.4g} {force} s/{drive['unit']}"
         driven.append(f"{drive['joint']} friction {friction}, rotor {drive['rotor']:.4g} {inertia}")
-    found.tell("drives", drives, "; ".join(driven) or "nothing known of friction and rotors")
-    found.tell("sources", model.sources, "; ".join(model.sources) or "none stated")
-    found.facts["links_without_inertia"] = model.missing_inertia
+    report.add("drives", drives, "; ".join(driven) or "nothing known of friction and rotors")
+    report.add("sources", model.sources, "; ".join(model.sources) or "none stated")
+    report.facts["links_without_inertia"] = model.missing_inertia
     if model.missing_inertia == model.link_names:  # no link has any, as in catalogue robots with kinematics only
         to_be_identified = ", to be identified (catenary identify)" if model.actuation is not None else ""
-        found.remarks.append(f"has no inertia{to_be_identified}: kinematics work, gravity and torques are refused")
+        report.remarks.append(f"has no inertia{to_be_identified}: kinematics work, gravity and torques are refused")
     elif model.missing_inertia:
-        found.faults.append(
+        report.faults.append(
             f"no inertia for {', '.join(model.missing_inertia)}: kinematics work, gravity and torques are refused"
         )
     unbound = [name for name, is_so in zip(model.joint_names, model.lower >= model.upper, strict=True) if is_so]
-    found.faults += [*model.doubts, *mass_doubts(model)]
-    found.faults += [f"limits of {name}: the lower one is not below the upper" for name in unbound]
-    found.remarks += model.notes
-    return found
+    report.faults += [*model.doubts, *mass_doubts(model)]
+    report.faults += [f"limits of {name}: the lower one is not below the upper" for name in unbound]
+    report.remarks += model.notes
+    return report
 
 
 def _drives(model: RobotModel) -> list[dict[str, Any]] | None:
     """Return friction and rotor of every joint, SI; None if unknown."""
-    found = None if model.actuation is None else joint_drives(model.actuation, model.n)
-    if found is None:
+    drives = None if model.actuation is None else joint_drives(model.actuation, model.n)
+    if drives is None:
         return None
-    numbers = zip(model.joint_names, model.joint_units, *(column.tolist() for column in found[:3]), strict=True)
+    numbers = zip(model.joint_names, model.joint_units, *(column.tolist() for column in drives[:3]), strict=True)
     return [dict(zip(("joint", "unit", "coulomb", "viscous", "rotor"), row, strict=True)) for row in numbers]
 
 
@@ -452,12 +454,12 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
     """
     terms = "static" if log.time is None else "full"
     options = IdentifyOptions(terms=terms, consistent=False, friction=())  # type: ignore[arg-type]  # one of the two
-    found = (*stamp_findings(log), *(each for _, each in repeated_findings([log])))
+    findings = (*stamp_findings(log), *(finding for _, finding in repeated_findings([log])))
     faults, remarks = list[str](), list[str]()
     result: Identification | None = None
     try:
         samples = prepare(log, model, options, within_limits=False)
-        found = (*found, *torque_findings(model, samples))
+        findings = (*findings, *torque_findings(model, samples))
         check_positions(log, model)
         speed = np.sqrt(np.mean(samples.qd**2, axis=0))
         still = [name for name, v in zip(model.joint_names, speed, strict=True) if v < _STILL_SPEED and terms == "full"]
@@ -465,18 +467,18 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
         result = identify_samples([samples], model, options)
     except (InputError, ExcitationError) as error:
         faults = [str(error)]
-    faults = [*(f"{finding.name}: {finding}" for finding in found if finding.refuses), *faults]
-    remarks = [*(f"{finding.name}: {finding}" for finding in found if not finding.refuses), *remarks]
+    faults = [*(f"{finding.name}: {finding}" for finding in findings if finding.refuses), *faults]
+    remarks = [*(f"{finding.name}: {finding}" for finding in findings if not finding.refuses), *remarks]
     if result is None:
-        return faults, remarks, found
-    left = zip(model.joint_names, result.training[0].relative_rms, strict=True)
+        return faults, remarks, findings
+    residuals = zip(model.joint_names, result.training[0].relative_rms, strict=True)
     parameters = f"all {result.base.count} base parameters ({terms}), condition {result.condition:.3g}"
     remarks += [
         f"for identification: shows {parameters}",
         "relative residual (RMS) of a fit to it alone, with Coulomb and viscous friction: "
-        + ", ".join(f"{name} {share:.3f}" for name, share in left),
+        + ", ".join(f"{name} {share:.3f}" for name, share in residuals),
     ]
-    return faults, remarks, found
+    return faults, remarks, findings
 
 
 def _with_card(report_of: Callable[[Path, Any, Card], FileReport], path: Path, content: Any, card: Card) -> FileReport:
@@ -490,7 +492,7 @@ def _with_card(report_of: Callable[[Path, Any, Card], FileReport], path: Path, c
 
 
 def _check_identification(path: Path, result: Identification, card: Card) -> FileReport:
-    found = FileReport("identified dynamics")
+    report = FileReport("identified dynamics")
     recordings, lines = [], []
     for part, tested in (("training", result.training), ("test", result.tests)):
         for on in tested:
@@ -498,18 +500,18 @@ def _check_identification(path: Path, result: Identification, card: Card) -> Fil
             recordings.append({"name": on.log, "part": part, "verdict": on.verdict, "relative_rms": relative})
             shares = ", ".join(f"{share:.3f}" for share in relative.values())
             lines.append((f"{on.log}, {on.verdict or 'fitted'}", shares))
-    found.tell("robot", result.model.name)
-    found.tell("terms", result.options.terms)
-    found.tell("base_parameters", result.base.count, f"{result.base.count}, condition {result.condition:.4g}")
-    found.tell("physically_consistent", result.phi is not None, "yes" if result.phi is not None else "no")
-    found.facts |= {"condition": float(result.condition), "recordings": recordings}
-    found.lines += lines
-    found.tell("version", card["version"], ", ".join(f"{name} {number}" for name, number in card["version"].items()))
-    found.faults += _copy_faults(path, card)
-    found.faults += [f"fails on {one.log}" for one in result.tests if one.verdict == "fails"]
-    found.faults += mass_doubts(result.robot(), described=result.model) if result.phi is not None else []
-    found.remarks += card["notes"]
-    return found
+    report.add("robot", result.model.name)
+    report.add("terms", result.options.terms)
+    report.add("base_parameters", result.base.count, f"{result.base.count}, condition {result.condition:.4g}")
+    report.add("physically_consistent", result.phi is not None, "yes" if result.phi is not None else "no")
+    report.facts |= {"condition": float(result.condition), "recordings": recordings}
+    report.lines += lines
+    report.add("version", card["version"], ", ".join(f"{name} {number}" for name, number in card["version"].items()))
+    report.faults += _copy_faults(path, card)
+    report.faults += [f"fails on {one.log}" for one in result.tests if one.verdict == "fails"]
+    report.faults += mass_doubts(result.robot(), described=result.model) if result.phi is not None else []
+    report.remarks += card["notes"]
+    return report
 
 
 def _copy_faults(path: Path, card: Card) -> list[str]:
@@ -523,9 +525,9 @@ def _copy_faults(path: Path, card: Card) -> list[str]:
 def _check_model(path: Path, model: CalibrationModel, card: Card) -> FileReport:
     blocks = {one["joint"]: one for one in (card["errors"]["cross_validation"] or {"joints": []})["joints"]}
     last = {one["name"]: one for one in card["errors"]["held_out"] or []}
-    found, joints = FileReport("calibration model"), list[Mapping[str, Any]]()
+    report, joints = FileReport("calibration model"), list[Mapping[str, Any]]()
     on_blocks, on_last = list[Line](), list[Line]()
-    found.faults += _copy_faults(path, card)
+    report.faults += _copy_faults(path, card)
     for name, unit in zip(model.joint_names, model.joint_units, strict=True):
         shown = DISPLAY[unit][0]
         joint: dict[str, Any] = {"name": name, "unit": unit, "error_unit": shown}
@@ -536,21 +538,21 @@ def _check_model(path: Path, model: CalibrationModel, card: Card) -> FileReport:
             spread = f"RMSE {rmse:.3f} ± {sd:.3f} {shown} on unseen data"
             on_blocks.append((name, f"{spread} (fixed offset {offset:.3f})"))
             if rmse > offset * (1.0 + _ROUNDING_SHARE):
-                found.faults.append(f"{name}: worse than the fixed offset on unseen data")
+                report.faults.append(f"{name}: worse than the fixed offset on unseen data")
         if (one := last.get(name)) is not None:
             joint["held_out"] = {"rmse": one["rmse"], "offset_rmse": one["offset_rmse"]}
             error = f"RMSE {one['rmse']:.3f} {shown} on the last part of the recordings, which it did not see"
             on_last.append((f"{name}, held out", f"{error} (fixed offset {one['offset_rmse']:.3f})"))
         joints.append(joint)
-    found.facts |= {
+    report.facts |= {
         "model": model.kind, "preset": model.preset, "target": model.target, "joints": joints,
         "inputs": model.features.names, "delay_s": clock_delay(card), "seed": card["run"]["seed"],
         "fitted_to": [{"name": one["name"], "sha256": one["sha256"]} for one in card["data"]],
         **{key: card.get(key) for key in ("robot", "instrument", "tool", "recorded", "simulated", "rows", "version")},
     }  # fmt: skip
     simulated = "yes: fitted to simulated recordings" if card["simulated"] else "no"
-    found.lines += [("kind", model_name(model)), ("robot", card["robot"] or "not stated"), ("simulated", simulated)]
-    found.lines += [("joints", joints_text(model)), *card_facts(card)]
-    found.lines += [*on_blocks, *on_last]
-    found.remarks += card["notes"]
-    return found
+    report.lines += [("kind", model_name(model)), ("robot", card["robot"] or "not stated"), ("simulated", simulated)]
+    report.lines += [("joints", joints_text(model)), *card_facts(card)]
+    report.lines += [*on_blocks, *on_last]
+    report.remarks += card["notes"]
+    return report

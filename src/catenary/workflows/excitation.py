@@ -53,10 +53,10 @@ class DesignedMotion:
         elif checked is None or checked.clearance is None:
             lines.append(f"collisions: none in any pose, {len(scene.pairs)} pairs of shapes")
         else:
-            found = checked.clearance
+            closest = checked.clearance
             lines.append(
-                f"collisions: none at any instant; of {len(scene.pairs)} pairs of shapes {found.pair[0]} and "
-                f"{found.pair[1]} come closest, {1000 * found.distance:.0f} mm at {found.time:.2f} s"
+                f"collisions: none at any instant; of {len(scene.pairs)} pairs of shapes {closest.pair[0]} and "
+                f"{closest.pair[1]} come closest, {1000 * closest.distance:.0f} mm at {closest.time:.2f} s"
             )
         return lines
 
@@ -67,9 +67,9 @@ class DesignedMotion:
         if scene is not None:
             collisions |= {"shapes": scene.origin, "assumed": scene.assumed, "pairs": len(scene.pairs)}
             collisions["margin_mm"] = 1000.0 * self.limits.margin
-        if checked is not None and (found := checked.clearance) is not None:
-            apart = {"distance_mm": 1000.0 * found.distance, "time_s": found.time}
-            collisions |= {"closest": {"pair": list(found.pair), **apart}, "instants": found.instants}
+        if checked is not None and (closest := checked.clearance) is not None:
+            apart = {"distance_mm": 1000.0 * closest.distance, "time_s": closest.time}
+            collisions |= {"closest": {"pair": list(closest.pair), **apart}, "instants": closest.instants}
         content: dict[str, Any] = {
             "robot": self.limits.model.name,
             "terms": design.terms,
@@ -169,12 +169,12 @@ def write_trajectory(design: Excitation, joint_names: Sequence[str], path: Path,
     seconds, nanoseconds = ("secs", "nsecs") if ros == 1 else ("sec", "nanosec")
     points = []
     for time, *row in zip(design.time, design.q, design.qd, design.qdd, strict=True):
-        whole, rest = divmod(round(float(time) * 1e9), 10**9)
+        whole, fraction = divmod(round(float(time) * 1e9), 10**9)
         values = {
             key: [float(v) for v in numbers]
             for key, numbers in zip(("positions", "velocities", "accelerations"), row, strict=True)
         }
-        points.append(json.dumps({**values, "time_from_start": {seconds: whole, nanoseconds: rest}}))
+        points.append(json.dumps({**values, "time_from_start": {seconds: whole, nanoseconds: fraction}}))
     names = json.dumps(list(joint_names))
     lines = ",\n".join(points)
     write_atomically(path, f'{{"joint_names": {names}, "points": [\n{lines}\n]}}\n'.encode())

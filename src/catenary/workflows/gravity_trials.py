@@ -103,10 +103,10 @@ def simulated_arm(
                 model.name,
                 ", ".join(own.left_out),
             )
-        given = {"friction": friction, "damping": viscous}
+        overrides = {"friction": friction, "damping": viscous}
         hardware = replace(
             JointHardware() if own is None else JointHardware(own.friction, own.damping),
-            **{key: value for key, value in given.items() if value is not None},
+            **{key: value for key, value in overrides.items() if value is not None},
         )
         rotors = None if own is None else own.armature
         arm = rigid_arm(model, base=base, payload=payload, hardware=hardware, motor_inertia=rotors)
@@ -117,8 +117,8 @@ def simulated_arm(
 def with_gains(arm: SimulatedArm, kp: ArrayLike | None, kd: ArrayLike | None) -> SimulatedArm:
     """Return an arm with other gains at its joints: one number for all, or (n,); its own where None."""
     chosen = []
-    for name, own, given in zip(("kp", "kd"), arm.gains, (kp, kd), strict=True):
-        values = own if given is None else as_array(name, given, () if np.ndim(given) == 0 else own.shape)
+    for name, own, value in zip(("kp", "kd"), arm.gains, (kp, kd), strict=True):
+        values = own if value is None else as_array(name, value, () if np.ndim(value) == 0 else own.shape)
         if not (values >= 0.0).all():
             raise InputError(f"{name}: expected zero or more, got {values.tolist()}")
         chosen.append(np.broadcast_to(values, own.shape).copy())

@@ -95,8 +95,8 @@ def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
     if n == len(chosen):
         return log.in_order_of(model, of="--joints are")
     arrays = {key: values[:, chosen] for key in JOINT_ARRAYS if (values := getattr(log, key)) is not None}
-    left = [name for name in log.joint_names if name not in model.joint_names]
-    notes = (*log.notes, f"joints left out: {joints_text(Joints(tuple(left)))}")
+    omitted = [name for name in log.joint_names if name not in model.joint_names]
+    notes = (*log.notes, f"joints left out: {joints_text(Joints(tuple(omitted)))}")
     return replace(log, joint_names=model.joint_names, joint_units=model.joint_units, notes=notes, **arrays)
 
 
@@ -192,8 +192,8 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
                 f"{name}: {mean:+.3g} {unit} throughout: a shifted zero of its torque looks like a steady push; "
                 "begin the recording untouched"
             )
-    found = torque, half_width, wrench, width, tuple(notes)
-    return ExternalTorques(pushed.name, result.model, pushed.time, *found)
+    estimates = torque, half_width, wrench, width, tuple(notes)
+    return ExternalTorques(pushed.name, result.model, pushed.time, *estimates)
 
 
 _POOR_RESIDUAL = 0.6  # relative residual above which a note is given
@@ -287,12 +287,12 @@ def identify_files(
     gaps = [f"{part.name}: {note}" for part in whole for note in part.notes]
     settled = () if gains is None else GAINS
     explained = [explained_torques(model, part, settled) for part in training]
-    causes = [(part.name, finding) for part, found in zip(training, explained, strict=True) for finding in found[0]]
+    causes = [(part.name, finding) for part, entry in zip(training, explained, strict=True) for finding in entry[0]]
     doubts = judge(causes, accept)
-    model, found = arm_as_found(model, [found[1:] for found in explained])
+    model, loads = arm_as_found(model, [entry[1:] for entry in explained])
     for log in (*read, *read_tests):  # after findings that may explain the positions
         check_positions(log, model)
-    bodies = (*((payload,) if payload is not None else ()), *found)
+    bodies = (*((payload,) if payload is not None else ()), *loads)
     result = replace(identify_logs(read, training, model, options), bodies=bodies).test(held_out)
     tested = [part for part in held_out if not part.name.endswith(HELD_OUT)]
     doubts += judge([(part.name, finding) for part in tested for finding in findings_against(result, part)], accept)
@@ -344,8 +344,8 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
         )
     yield from (f"{test.log}: {test.verdict}: {why}" for test in result.tests for why in test.reasons)
     for residual in (*result.training, *result.tests):
-        left = zip(result.model.joint_names, residual.relative_rms, strict=True)
-        if poor := [f"{name} ({share:.2f} of it is left)" for name, share in left if share > _POOR_RESIDUAL]:
+        shares = zip(result.model.joint_names, residual.relative_rms, strict=True)
+        if poor := [f"{name} ({share:.2f} of it is left)" for name, share in shares if share > _POOR_RESIDUAL]:
             yield f"{residual.log}: little of the torque is explained of {', '.join(poor)}"
     yield from mass_doubts(result.robot(), described=model) if result.phi is not None else ()
     by_kind: dict[str, list[str]] = {}
@@ -376,8 +376,8 @@ class PayloadResult:
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
         candidates = [asdict(other) for other in self.candidates]
-        beside = {"location": self.payload.location, "candidates": candidates, "notes": list(self.notes)}
-        return asdict(self.payload) | beside
+        details = {"location": self.payload.location, "candidates": candidates, "notes": list(self.notes)}
+        return asdict(self.payload) | details
 
 
 def payload_of_files(
@@ -414,8 +414,8 @@ def external_torques_of_file(log: Path, model: Path, *, unloaded: Sequence[Path]
         **how: Mapping, corrections and accepted findings.
     """
     result, samples, notes = _read_for(model, (log, *unloaded), **how)
-    found = external_torques(result, samples[0], samples[1:])
-    return replace(found, notes=(*notes, *found.notes))
+    torques = external_torques(result, samples[0], samples[1:])
+    return replace(torques, notes=(*notes, *torques.notes))
 
 
 class ArmChange(NamedTuple):
@@ -438,10 +438,10 @@ def changes_of_files(model: Path, logs: Sequence[Path], **how: Any) -> tuple[lis
         The changes, which are not refused, and notes.
     """
     result, samples, notes, read = _read(model, logs, **how)
-    found = [(part.name, finding) for part in samples for finding in findings_against(result, part)]
-    for log in () if found else read:
+    findings = [(part.name, finding) for part in samples for finding in findings_against(result, part)]
+    for log in () if findings else read:
         check_positions(log, result.model)
-    return [ArmChange(name, each.name, each.joints, each.says) for name, each in found], notes
+    return [ArmChange(name, finding.name, finding.joints, finding.says) for name, finding in findings], notes
 
 
 def _read_for(
@@ -452,8 +452,8 @@ def _read_for(
     Findings about the arm itself, such as a load, are included if `of_arm`.
     """
     result, samples, notes, read = _read(model, paths, accept=accept, **how)
-    found = [(s.name, finding) for s in samples for finding in findings_against(result, s)]
-    notes += judge([named for named in found if of_arm or named[1].name != "arm"], accept, done="weighed")
+    findings = [(s.name, finding) for s in samples for finding in findings_against(result, s)]
+    notes += judge([named for named in findings if of_arm or named[1].name != "arm"], accept, done="weighed")
     for log in read:  # after findings that may explain the positions
         check_positions(log, result.model)
     return result, samples, notes

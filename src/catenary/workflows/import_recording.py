@@ -110,12 +110,12 @@ def import_to_file(
         **how: Further arguments of `import_recording`; `progress` is called with the share of the file read.
     """
     opened = _opened(sources, mapping, robot=robot, **how)
-    left: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()
     if isinstance(opened, MotionLog):
         logs = iter([opened])
     else:
         logs = pieces_of(*opened)
-        left = not_used(opened[0].streams, columns_wanted(*opened))
+        unused = not_used(opened[0].streams, columns_wanted(*opened))
     del opened
     first = next(logs)
     # a copy holds no more of it
@@ -134,10 +134,10 @@ def import_to_file(
     has_encoder = judged.q_encoder is not None
     if len(judged) < rows <= _MAX_JUDGED_POSITIONS // len(judged.joint_names) and has_encoder:
         judged = read_log(out)
-    found = findings_of(judged, robot=robot_of([judged], robot)) if has_encoder else ()
+    findings = findings_of(judged, robot=robot_of([judged], robot)) if has_encoder else ()
     if len(judged) < rows and has_encoder:
         notes = (*notes, f"of {rows} rows the first {len(judged)} were judged; catenary check judges all")
-    return ImportedLog(judged, rows, seconds, measured if has_encoder else None, notes, left, found)
+    return ImportedLog(judged, rows, seconds, measured if has_encoder else None, notes, unused, findings)
 
 
 def propose_mapping(
@@ -176,8 +176,8 @@ def known_layout(paths: Sequence[Path], *, robot: str | None = None) -> str | No
     Args:
         robot: Catalogue name or file.
     """
-    found = layout_of_files(paths)
-    return None if found == TORQUE_LOG and robot is None else found
+    layout = layout_of_files(paths)
+    return None if layout == TORQUE_LOG and robot is None else layout
 
 
 def _opened(
@@ -197,13 +197,13 @@ def _opened(
         if answers:
             raise InputError("answers are to a proposal; here is a mapping, which leaves nothing open")
         return Sources(paths, progress), chosen
-    found = None if answers else known_layout(paths, robot=robot)
-    if found is not None and clock:
-        raise InputError(f"--clock: {found} has a single clock; to correct it, use --clock of fit, evaluate or check")
-    if found is not None:
+    kind = None if answers else known_layout(paths, robot=robot)
+    if kind is not None and clock:
+        raise InputError(f"--clock: {kind} has a single clock; to correct it, use --clock of fit, evaluate or check")
+    if kind is not None:
         model, words = None if robot is None else load_robot(robot), () if units is None else units_of(units)[1]
         si = si_units(words) if len(words) > 1 else None
-        log = read_log(paths[0], units=si) if found == MOTION_LOG else read_layout(paths, found, model=model, units=si)
+        log = read_log(paths[0], units=si) if kind == MOTION_LOG else read_layout(paths, kind, model=model, units=si)
         every = words * len(log.joint_names) if len(words) == 1 else words
         log = Mend(units=(",".join(every),))(log) if words else log
         return log if model is None or not words else turned_back(log, model)
@@ -222,16 +222,16 @@ def _paths(sources: PathLike | Sequence[PathLike]) -> list[Path]:
 def _as_mapping(
     mapping: MappingLike | None, units: str | None, robot: str | None, clock: Sequence[str]
 ) -> RecordingMapping | None:
-    given: dict[str, Any] = {"units": units, "settings": {"robot": robot, "clock": list(clock) or None}}
+    overrides: dict[str, Any] = {"units": units, "settings": {"robot": robot, "clock": list(clock) or None}}
     if mapping is None:
         return None
     if isinstance(mapping, RecordingMapping):
         mapping = mapping.model_dump(mode="json", exclude_unset=True)
     if isinstance(mapping, Mapping):
-        return mapping_of((), content=mapping, **given)
+        return mapping_of((), content=mapping, **overrides)
     options = [str(mapping)] if isinstance(mapping, str | Path) else list(mapping)
     is_file = isinstance(mapping, str | Path) and "=" not in options[0]
-    return mapping_of((), file=Path(options[0]), **given) if is_file else mapping_of(options, **given)
+    return mapping_of((), file=Path(options[0]), **overrides) if is_file else mapping_of(options, **overrides)
 
 
 _PIECE_NUMBERS = 1_500_000  # of a piece
@@ -246,8 +246,8 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
     if registers or not sources.is_in_parts:  # pieces would get different registrations
         yield synchronise(sources, mapping, model=model).log
         return
-    wanted = columns_wanted(sources, mapping)
-    said: dict[str, dict[str, None]] = {}  # notes by their text without numbers
+    columns = columns_wanted(sources, mapping)
+    texts: dict[str, dict[str, None]] = {}  # notes by their text without numbers
     prefix = ""
     sample = sources.streams[0]
     if sample.type == "table":
@@ -256,10 +256,10 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
             mapping = mapping.model_copy(update={"time": (time.column,), "time_unit": time.unit})
         if time is not None:
             prefix = f"{sample.name}: time is "
-            said[prefix] = {f"{sample.name}: {time.said}": None}
+            texts[prefix] = {f"{sample.name}: {time.said}": None}
     before: tuple[MotionLog, Integers] | None = None
     measured = repeated = 0
-    for first, last, begin, streams in _windows(sources.parts(wanted), wanted):
+    for first, last, begin, streams in _windows(sources.parts(columns), columns):
         piece = sources.holding(streams)
         if first == begin == 0 and last is None:
             piece.notes += sources.problems
@@ -267,57 +267,57 @@ def pieces_of(sources: Sources, mapping: RecordingMapping, model: RobotModel | N
             return
         where = f"rows {begin + 1} to {begin + streams[0].rows}: "
         try:
-            found = synchronise(piece, mapping, model=model, is_piece=True)
+            synchronised = synchronise(piece, mapping, model=model, is_piece=True)
         except NoRowError as error:
-            said.setdefault(_shape(str(error)), {})[where + str(error)] = None
+            texts.setdefault(_shape(str(error)), {})[where + str(error)] = None
             continue
-        log, rows = found.log, found.rows + begin
+        log, rows = synchronised.log, synchronised.rows + begin
         log = log if before is None else _going_on(log, rows, *before)
         before = (log, rows)
         inside = np.flatnonzero((rows >= first) & (rows < (np.inf if last is None else last)))
         if not len(inside):
             continue
         for note in [note for note in log.notes if not prefix or not note.startswith(prefix)]:
-            said.setdefault(_shape(note), {})[where + note if _COUNTS.search(note) else note] = None
+            texts.setdefault(_shape(note), {})[where + note if _COUNTS.search(note) else note] = None
         measured, repeated = measured + int(log.ok[inside].sum()), repeated + log.repeated
-        notes = (*map(_in_words, said.values()), *sources.problems)
+        notes = (*map(_in_words, texts.values()), *sources.problems)
         yield replace(log.part(int(inside[0]), int(inside[-1]) + 1), notes=notes, repeated=repeated)
     if before is None or (before[0].q_encoder is not None and not measured):
-        raise InputError("; ".join([f"{sources.paths[0]}: no usable row", *map(_in_words, said.values())]))
+        raise InputError("; ".join([f"{sources.paths[0]}: no usable row", *map(_in_words, texts.values())]))
 
 
 def _windows(
-    parts: Iterator[list[Stream]], wanted: Mapping[str, Collection[str]]
+    parts: Iterator[list[Stream]], columns: Mapping[str, Collection[str]]
 ) -> Iterator[tuple[int, int | None, int, list[Stream]]]:
     """Yield a piece's first and last row (None of the last piece), the row that its streams begin with, and these."""
-    held: dict[str, list[Stream]] = {name: [] for name in wanted}
-    base, width = next(iter(wanted)), max(1, sum(map(len, wanted.values())))
+    held: dict[str, list[Stream]] = {name: [] for name in columns}
+    base, width = next(iter(columns)), max(1, sum(map(len, columns.values())))
     size, first, begin, count = max(2 * _OVERLAP_ROWS, _PIECE_NUMBERS // width), 0, 0, 0
     for part in chain.from_iterable(parts):
         held[part.name].append(part)
         count += part.rows if part.name == base else 0
         while count >= first + size + _OVERLAP_ROWS:
             held = {name: [joined(several)] for name, several in held.items() if several}
-            yield first, first + size, begin, _between(held, wanted, 0, first + size + _OVERLAP_ROWS - begin)
+            yield first, first + size, begin, _between(held, columns, 0, first + size + _OVERLAP_ROWS - begin)
             first, kept = first + size, first + size - _OVERLAP_ROWS
-            left = _between(held, wanted, kept - begin, None)
-            held, begin = {stream.name: [stream] for stream in left}, kept
+            remaining = _between(held, columns, kept - begin, None)
+            held, begin = {stream.name: [stream] for stream in remaining}, kept
     if count:
         held = {name: [joined(several)] for name, several in held.items() if several}
-        yield first, None, begin, _between(held, wanted, 0, None)
+        yield first, None, begin, _between(held, columns, 0, None)
 
 
 def _between(
-    held: Mapping[str, list[Stream]], wanted: Mapping[str, Collection[str]], first: int, last: int | None
+    held: Mapping[str, list[Stream]], columns: Mapping[str, Collection[str]], first: int, last: int | None
 ) -> list[Stream]:
     """Return rows of q_nominal's stream, and what of others arrived meanwhile, or a row without a number."""
-    name, *others = wanted
+    name, *others = columns
     (base,) = held[name]
     base = base.part(first, base.rows if last is None else last)
-    found = [base]
+    cut = [base]
     for other in others:
         stamp, arrival = (None if times is None else times[:1] for times in (base.stamp, base.arrival))
-        none = {column: np.full(1, np.nan) for column in wanted[other]}
+        none = {column: np.full(1, np.nan) for column in columns[other]}
         (stream,) = held.get(other, [Stream(other, base.type, none, 1, stamp, arrival)])
         if stream.arrival is not None and base.arrival is not None:
             late = np.inf if last is None else base.arrival[-1]
@@ -327,8 +327,8 @@ def _between(
                 stream = stream.part(int(rows[0]), int(rows[-1]) + 1)
             else:
                 stream = replace(stream, columns=none, rows=1, stamp=stamp, arrival=arrival)
-        found.append(stream)
-    return found
+        cut.append(stream)
+    return cut
 
 
 def _going_on(log: MotionLog, rows: Integers, before: MotionLog, its: Integers) -> MotionLog:

@@ -59,7 +59,7 @@ class RegressorReport:
         """Return the sentences about identifiable and unidentifiable parameters."""
         level, tilted = self.bases["level"], self.bases["tilted"]
         names = standard_labels(self.model)
-        said = [
+        lines = [
             f"level base: {level.count} combinations of {len(names)} masses and first moments load the joints, "
             "and torques determine only these"
         ]
@@ -68,21 +68,21 @@ class RegressorReport:
             ("combined", "identifiable only in combination with others"),
             ("none", "without effect on any torque"),
         ):
-            found = [name for name, k in zip(names, self.identifiable("level"), strict=True) if k == kind]
-            said.append(f"{words}: {', '.join(found) or 'none'}")
+            labels = [name for name, k in zip(names, self.identifiable("level"), strict=True) if k == kind]
+            lines.append(f"{words}: {', '.join(labels) or 'none'}")
         added = self.added_by_tilting()
-        said.append(
+        lines.append(
             f"tilting the base adds {len(added)}: {'; '.join(added)}" if added else "tilting the base adds none"
         )
         turning = self.bases["turning"].count - tilted.count
         if turning > 0:
-            said.append(f"turning it during the measurement adds {turning} more")
-        said += [note for note in self.model.notes if "quarter turns" in note]
+            lines.append(f"turning it during the measurement adds {turning} more")
+        lines += [note for note in self.model.notes if "quarter turns" in note]
         if self.model.massless:
-            said.append(f"massless, and so left out: {', '.join(self.model.massless)}")
+            lines.append(f"massless, and so left out: {', '.join(self.model.massless)}")
         if self.model.missing_inertia:
-            said.append(f"no inertia in the file, so no values: {', '.join(self.model.missing_inertia)}")
-        return said
+            lines.append(f"no inertia in the file, so no values: {', '.join(self.model.missing_inertia)}")
+        return lines
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, in kg and kg m."""

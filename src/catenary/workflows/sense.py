@@ -85,11 +85,11 @@ def replay_feed(recording: ImuRecording) -> Feed:
     mailbox, rate = Mailbox(), recording.rate
     # a stamp that goes back arrives when it was recorded, behind those before it
     arrival = np.maximum.accumulate(recording.time)
-    left = deque(range(len(arrival)))
+    pending = deque(range(len(arrival)))
 
     def deliver(now: float) -> None:
-        while left and arrival[left[0]] <= now:
-            k = left.popleft()
+        while pending and arrival[pending[0]] <= now:
+            k = pending.popleft()
             stamp = float(recording.time[k])
             if rate is not None:
                 mailbox.put(stamp, rate[k], Kind.ANGULAR_RATE)
@@ -366,32 +366,32 @@ def rests(recording: ImuRecording) -> list[StillReading]:
     A rest's first and last quarter of a second are left out of the means: a turn that begins or ends there slowly does
     not show in gravity, and does in the rates.
     """
-    found: list[StillReading] = []
+    readings: list[StillReading] = []
     for rows in rest_rows(recording):
         time = recording.time[rows]
         inner = rows[(time >= time[0] + BLOCK_S) & (time <= time[-1] - BLOCK_S)]
         rate = None if recording.rate is None else np.median(recording.rate[inner], axis=0)
-        found.append(StillReading(recording.force[inner].mean(axis=0), rate))
-    return found
+        readings.append(StillReading(recording.force[inner].mean(axis=0), rate))
+    return readings
 
 
 def rest_rows(recording: ImuRecording) -> list[NDArray[np.intp]]:
     """Return the rows of each piece of a second or more in which a sensor stood still."""
     time, numbers = recording.time, np.floor(recording.time / BLOCK_S).astype(int)
-    found: list[list[int]] = [[]]
+    pieces: list[list[int]] = [[]]
     for number in np.unique(numbers):
         here = np.flatnonzero(numbers == number).tolist()
-        force, rows = recording.force[here], found[-1]
+        force, rows = recording.force[here], pieces[-1]
         still = len(here) >= 3 and np.isfinite(force).all() and (np.std(force, axis=0) <= STILL).all()
         if rows and (
             not still
             or numbers[rows[-1]] < number - 1
             or np.abs(force.mean(axis=0) - recording.force[rows].mean(axis=0)).max() > STILL
         ):
-            found.append([])
+            pieces.append([])
         if still:
-            found[-1] += here
-    return [np.array(rows) for rows in found if rows and time[rows[-1]] - time[rows[0]] >= MIN_REST_S - BLOCK_S]
+            pieces[-1] += here
+    return [np.array(rows) for rows in pieces if rows and time[rows[-1]] - time[rows[0]] >= MIN_REST_S - BLOCK_S]
 
 
 def up_of_tilts(tilts_deg: ArrayLike) -> Floats:
@@ -447,10 +447,10 @@ def check_gyroscope(recording: ImuRecording) -> tuple[list[str], bool]:
         time, rate = time[good], rate[good]
         if len(time) > 2 and np.diff(time).max() < BLOCK_S:
             pieces.append(SensedTurn(time, integral(time, -recording.force[part][good]), time, integral(time, rate)))
-    found = compare(pieces, np.zeros(3), drift=_SHAKEN_M_S2)
-    if found.fault is not Fault.NONE:
-        return [f"{found.fault.message}; {found.remedy}".rstrip("; ")], False
+    comparison = compare(pieces, np.zeros(3), drift=_SHAKEN_M_S2)
+    if comparison.fault is not Fault.NONE:
+        return [f"{comparison.fault.message}; {comparison.remedy}".rstrip("; ")], False
     noise = np.median([np.std(np.diff(recording.rate[r], axis=0), axis=0) for r in rows], axis=0) / np.sqrt(2.0)
     if float(np.linalg.norm(noise)) > RestRate.MAX_NOISE:
         return [f"{Fault.RATE_UNIT.message}: its noise at rest is {np.linalg.norm(noise):.2g}"], False
-    return [], found.is_right
+    return [], comparison.is_right

@@ -30,7 +30,7 @@ def record_simulated(
     *,
     state_rate: float = _STATE_RATE_HZ,
     columns: Sequence[str] = (),
-    beside: CablePlant | None = None,
+    other_arm: CablePlant | None = None,
 ) -> MotionLog:
     """Drive a homed arm along a trajectory of its positioning joints [rad, rad, m] and record what a lab would.
 
@@ -40,7 +40,7 @@ def record_simulated(
 
     Args:
         columns: Further columns of raven_state that the log carries, ("all",) for every one.
-        beside: The robot's other arm, homed, which holds its setpoint meanwhile; parked when None.
+        other_arm: The robot's other arm, homed, which holds its setpoint meanwhile; parked when None.
 
     Raises:
         NotReadyError: The arm is not homed or enabled, or its software e-stop tripped.
@@ -64,11 +64,11 @@ def record_simulated(
     for log, _ in driven(plant, trajectory, CHUNK_TICKS):
         first, last = last, last + len(log.q)
         here = stamps[(stamps >= first) & (stamps < last)] - first
-        held = None if beside is None else beside.run(np.full((last - first, len(JOINTS)), np.nan))[here]
+        held = None if other_arm is None else other_arm.run(np.full((last - first, len(JOINTS)), np.nan))[here]
         joint.append(as_reported(plant, log.joint[here]))
         torque.append(joint_torques(plant.firmware, as_reported(plant, log.torque[here])))
         if columns:
-            ticks = of_both_arms(plant, log[here], beside, held)
+            ticks = of_both_arms(plant, log[here], other_arm, held)
             signals, units = _state_signals(plant, ticks, len(here), columns)
             further.append(signals)
         seen = np.arange(0, last - first, _ENCODER_TICKS)
@@ -132,5 +132,5 @@ def _approach(plant: CablePlant, trajectory: Trajectory) -> None:
 def _stamps(ticks: int, rate: float, rng: np.random.Generator) -> NDArray[np.int64]:
     """Ticks at which the state is sampled: at the rate, jittered, strictly rising."""
     count = int(ticks * PERIOD * rate)
-    wanted = (np.arange(count) + 0.5 + rng.uniform(-_STAMP_JITTER, _STAMP_JITTER, count)) / rate
-    return np.unique(np.clip((wanted / PERIOD).astype(np.int64), 0, ticks - 1))
+    times = (np.arange(count) + 0.5 + rng.uniform(-_STAMP_JITTER, _STAMP_JITTER, count)) / rate
+    return np.unique(np.clip((times / PERIOD).astype(np.int64), 0, ticks - 1))

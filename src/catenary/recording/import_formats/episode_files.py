@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catenary.archives import MAX_ARRAYS, MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO
-from catenary.bounded_parsers import MAX_LEVELS, MOST_JSON, cut, json_table, read_bounded, reading
+from catenary.bounded_parsers import MAX_JSON_BYTES, MAX_LEVELS, cut, json_table, read_bounded, reading
 from catenary.errors import FileFormatError
 from catenary.recording.import_formats.columns import Stream, arrays_of, listed, natural
 from catenary.recording.import_formats.table_files import read_parquet_table, streams_of_arrays
@@ -166,7 +166,7 @@ def _units_of(data: "h5py.Dataset") -> list[str]:
 
 def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
     """Read a dataset: all its episodes one behind the other, or the wanted one, with its features' names of joints."""
-    info = json_table(read_bounded(path / _INFO, MOST_JSON), str(path / _INFO))
+    info = json_table(read_bounded(path / _INFO, MAX_JSON_BYTES), str(path / _INFO))
     files, version = sorted(path.glob("data/chunk-*/*.parquet")), str(info.get("codebase_version"))
     number = re.search(r"(\d{1,9})\Z", wanted)
     files = [file for file in files if number and file.stem == f"episode_{int(number[1]):06d}"] or files

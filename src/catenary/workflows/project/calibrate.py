@@ -39,15 +39,15 @@ POSITIONING_INPUTS = tuple(f"{group}:{joint}" for group in ("q", "tau") for join
 RECOMMENDED = "recommended"
 
 
-def models_for(robot: str | None, asked: FitOptions) -> Mapping[str, FitOptions]:
+def models_for(robot: str | None, options: FitOptions) -> Mapping[str, FitOptions]:
     """Return options of a linear model, and of the one asked for, which is recommended and deployed.
 
     They share its memory, target and seed, and its inputs where it has any; else a RAVEN-II's models take those of its
     positioning joints. `robot` is a project's, None for recordings.
     """
-    if asked.inputs is None and robot == "raven2":
-        asked = replace(asked, inputs=POSITIONING_INPUTS)
-    return {"linear": asked.of_kind("linear"), RECOMMENDED: asked.of_kind(asked.kind, asked.preset)}
+    if options.inputs is None and robot == "raven2":
+        options = replace(options, inputs=POSITIONING_INPUTS)
+    return {"linear": options.of_kind("linear"), RECOMMENDED: options.of_kind(options.kind, options.preset)}
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def calibrate_robot(
     project: Project,
     robot: ProjectRobot | None = None,
     *,
-    asked: FitOptions | None = None,
+    options: FitOptions | None = None,
     run: FitRun | None = None,
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
@@ -101,13 +101,13 @@ def calibrate_robot(
 
     Args:
         robot: Connection to the robot; its simulated one when None.
-        asked: Model to recommend; the learner when None.
+        options: Model to recommend; the learner when None.
         run: Rows that fits see, and their tests.
         progress: Returns the progress callback of a named step.
     """
     project.ran.clear()
     run = replace(FitRun() if run is None else run, robot=project_kind(project.settings).model)
-    models = _models(project, project.settings.robot, asked)
+    models = _models(project, project.settings.robot, options)
     robot = SimulatedRobot() if robot is None else robot
     deployed = project.folder / "deployment.json"
 
@@ -134,12 +134,12 @@ def calibrate_robot(
         return conclude(project, models, train, test, deployed, Reading(), run)
 
 
-def _models(project: Project, robot: str | None, asked: FitOptions | None) -> Mapping[str, FitOptions]:
+def _models(project: Project, robot: str | None, options: FitOptions | None) -> Mapping[str, FitOptions]:
     """Return the options of a project's models, before minutes of motion and fits."""
-    asked = FitOptions() if asked is None else asked
-    if asked.estimator is not None:
+    options = FitOptions() if options is None else options
+    if options.estimator is not None:
         raise InputError("calibrate: fits built-in kinds only; for your own, use catenary fit --model module:Class")
-    return models_for(robot, replace(asked, seed=project.settings.seed or 0))
+    return models_for(robot, replace(options, seed=project.settings.seed or 0))
 
 
 def calibrate_recordings(
@@ -148,7 +148,7 @@ def calibrate_recordings(
     test: Sequence[Path],
     *,
     reading: Reading | None = None,
-    asked: FitOptions | None = None,
+    options: FitOptions | None = None,
     run: FitRun | None = None,
     progress: Callable[[str], Progress] = lambda _: silent,
 ) -> CalibrationResult:
@@ -156,7 +156,7 @@ def calibrate_recordings(
 
     Args:
         reading: Mapping and corrections of the recordings.
-        asked: Model to recommend; the learner when None.
+        options: Model to recommend; the learner when None.
         run: Rows that fits see, and their tests.
         progress: Returns the progress callback of a named step.
     """
@@ -164,7 +164,7 @@ def calibrate_recordings(
         raise InputError("calibrate: give recordings to train on, and others to test on with --test")
     project.ran.clear()
     run = run if run is not None else FitRun()
-    models = _models(project, None, asked)
+    models = _models(project, None, options)
     reading = reading if reading is not None else Reading()
     mapping = reading.mapping
     with project:

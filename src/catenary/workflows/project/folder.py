@@ -403,8 +403,8 @@ def project_settings(folder: Path) -> ProjectSettings | None:
     try:
         content = read_state(path, ProjectSettings, remedy)
     except ConfigError as error:
-        said = str(error).replace("file: Value error, ", "not the settings of a project: ")
-        raise ConfigError(said) from error
+        message = str(error).replace("file: Value error, ", "not the settings of a project: ")
+        raise ConfigError(message) from error
     content = {"random_seconds": 0.0, **content}  # of projects begun before there was any
     lacking = ", ".join(field.name for field in fields(ProjectSettings) if field.name not in content)
     if lacking:

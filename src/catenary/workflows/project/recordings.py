@@ -45,19 +45,19 @@ def extract_recording(project: Project, name: str) -> bool:
     def work() -> dict[str, Any]:
         sources = open_recordings([recording])
         result = project_kind(project.settings).synchronise(recording)
-        found_whole = rescue_of(sources)
+        rescue = rescue_of(sources)
         is_whole = not any(source.damage for source in sources)
-        rescued = None if is_whole else found_whole.as_data()
-        notes = [] if is_whole else [f"rescued: {found_whole.text()}"]
+        rescued = None if is_whole else rescue.as_data()
+        notes = [] if is_whole else [f"rescued: {rescue.text()}"]
         write_parquet(replace(result.log, notes=(*result.log.notes, *notes)), path)
-        found = {
+        content = {
             "topics": [vars(topic) | {"longest_gap": topic.longest_gap} for topic in result.topics],
             "rows": len(result.log),
             "rows_without_encoder": result.without_encoder,
             "problems": [*notes, *changed, *(problem for source in sources for problem in source.problems)],
             "rescued": rescued,
         }
-        write(report, found)
+        write(report, content)
         return {} if rescued is None else {"rescued": rescued}
 
     return project.run(step, made_from, files, work)
@@ -113,7 +113,7 @@ class Imported:
 
 def read_imports(project: Project, paths: Sequence[Path], mapping: RecordingMapping) -> list[Imported]:
     """Read recordings by a mapping, or what the project keeps of them; nothing is written."""
-    found = []
+    imports = []
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: no such recording")
@@ -125,8 +125,8 @@ def read_imports(project: Project, paths: Sequence[Path], mapping: RecordingMapp
             log = read_log(kept)
         else:
             log = read_recording(path, Reading(mapping=mapping))
-        found.append(Imported(log, kept, made_from))
-    return found
+        imports.append(Imported(log, kept, made_from))
+    return imports
 
 
 def keep_imports(project: Project, imports: Sequence[Imported]) -> list[Path]:

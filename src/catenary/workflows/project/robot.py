@@ -233,8 +233,8 @@ class SimulatedRobot(ProjectRobot):
 
         def work() -> None:
             folder.mkdir(exist_ok=True)
-            for left in folder.glob("after_*.npz"):
-                left.unlink()  # of the robot before it was homed again
+            for saved in folder.glob("after_*.npz"):
+                saved.unlink()  # of the robot before it was homed again
             plant = project_kind(project.settings).plant()
             plant.home()
             save_plant(plant, homed)
@@ -335,8 +335,8 @@ class RosRobot(ProjectRobot):
                 self._make_homed(client, project)
                 pause(client)  # nobody moves it now; one that homes by its own button is paused already
                 believed, encoders = client.measured_js().q, client.external_encoders()
-                found = {"joint_names": client.joint_names, "believed": believed, "external_encoders": encoders}
-                write(path, {"simulated": self._simulated, **found})
+                content = {"joint_names": client.joint_names, "believed": believed, "external_encoders": encoders}
+                write(path, {"simulated": self._simulated, **content})
 
         settings = project.settings
         place = [settings.namespace] if settings.robot == "dvrk_psm" else []
@@ -354,8 +354,8 @@ class RosRobot(ProjectRobot):
             client.require_free()
             about = About(robot=kind.recorded_as, simulated=self._simulated, configuration={"motion": motion})
             along = Along(trajectory, *kind.setpoint)
-            left = left_off(folder, about, kind.topics, self._transport.steady(), along) if was_homed else None
-            onwards = GoneOn(trajectory, 0.0 if left is None else left.begins)
+            cut_off = left_off(folder, about, kind.topics, self._transport.steady(), along) if was_homed else None
+            onwards = GoneOn(trajectory, 0.0 if cut_off is None else cut_off.begins)
             with at_rest_afterwards(client):
                 self._enable(client)
                 required = [topic.name for topic in kind.required]
@@ -363,12 +363,12 @@ class RosRobot(ProjectRobot):
                 def ready(recorder: TopicRecorder) -> None:
                     self._comes(lambda: recorder.silent(required) or None)
                     recorder.require(required)  # before a file or the robot moves
-                    if left is None:
+                    if cut_off is None:
                         set_aside(project, folder.name)
                     else:
-                        self._guide.say(f"{folder.name}: {left.gap(self._transport.steady())}")
+                        self._guide.say(f"{folder.name}: {cut_off.gap(self._transport.steady())}")
 
-                options: dict[str, Any] = {"about": about, "after": left, "ready": ready}
+                options: dict[str, Any] = {"about": about, "after": cut_off, "ready": ready}
                 with TopicRecorder(self._transport, folder, kind.topics, **options) as recorder:
                     try:
                         record_motion(client, recorder, onwards, joints=kind.joints, progress=progress)
@@ -386,8 +386,8 @@ class RosRobot(ProjectRobot):
             client.require_free()
             with at_rest_afterwards(client):
                 self._enable(client)
-                found = deploy_on_robot(client, model, trajectory, real_time=not self._simulated)
-        return dict(plain_data(found))
+                result = deploy_on_robot(client, model, trajectory, real_time=not self._simulated)
+        return dict(plain_data(result))
 
     def _connected(self, project: Project) -> CrtkClient:
         return project_kind(project.settings).client(self._transport, simulated=self._simulated)

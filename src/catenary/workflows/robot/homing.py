@@ -98,8 +98,8 @@ class Homing:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI."""
-        said = ("robot", "simulated", "seconds", "joint_names", "believed", "external_encoders")
-        values = {name: getattr(self, name) for name in said}
+        keys = ("robot", "simulated", "seconds", "joint_names", "believed", "external_encoders")
+        values = {name: getattr(self, name) for name in keys}
         return values | {"run": self.was_run, "state": self.state._asdict()}
 
 
@@ -126,8 +126,8 @@ def home_operated(robot: OperatedRobot, guide: Guide) -> Homing:
             while plant.operating_state().is_busy:
                 plant.wait()
     now, seen = plant.measured_js(), plant.telemetry().get("ext_jpos")
-    if isinstance(plant, CrtkReader) and np.isfinite(heard := plant.external_encoders()).any():
-        seen = heard
+    if isinstance(plant, CrtkReader) and np.isfinite(encoders := plant.external_encoders()).any():
+        seen = encoders
     return Homing(
         robot.name, plant.simulated, was_run, now.time - begin, plant.joint_names, plant.joint_units, now.q,
         None if seen is None else np.array(seen), plant.operating_state(),
@@ -139,12 +139,12 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
 
     An interrupted homing is ended by `disable`, which acts in every state; `patience` in s.
     """
-    asked = False
+    requested = False
     try:
         now = client.operating_state()
         has_begun = now.state == "ENABLED" and now.is_busy  # by somebody else's press of the button
         if not has_begun:
-            asked = not client.dialect.has_run_levels or isinstance(guide, AnswerYes)
+            requested = not client.dialect.has_run_levels or isinstance(guide, AnswerYes)
             if not client.dialect.has_run_levels:
                 _command_home(client)
             elif isinstance(guide, AnswerYes):
@@ -154,7 +154,7 @@ def home_client(client: CrtkClient, guide: Guide, *, patience: float = HOMING) -
             text = "press the robot's start button and wait until it is homed"
         have_done(guide, text, lambda: not_homed(client.operating_state()), client.transport.sleep, patience=patience)
     except BaseException as error:
-        _stop(client, error, asked=asked and isinstance(error, KeyboardInterrupt))
+        _stop(client, error, requested=requested and isinstance(error, KeyboardInterrupt))
         raise
 
 
@@ -188,16 +188,16 @@ def _command_home(client: CrtkClient) -> None:
     client.state_command("home")
 
 
-def _stop(client: CrtkClient, error: BaseException, *, asked: bool) -> None:
+def _stop(client: CrtkClient, error: BaseException, *, requested: bool) -> None:
     """End a homing that is under way, or that was asked for and does not show yet: disabled before, it would begin."""
     try:
         with suppress(KeyboardInterrupt):  # a second one: disable it at once
-            for _ in range(round(PRESS_DELAY_S / client.period) if asked else 0):
+            for _ in range(round(PRESS_DELAY_S / client.period) if requested else 0):
                 if client.operating_state().is_busy:
                     break
                 client.transport.sleep(client.period)
         now = client.operating_state()
-        if now.is_busy or (asked and not now.is_homed):
+        if now.is_busy or (requested and not now.is_homed):
             client.state_command("disable")
             error.add_note("the robot was homing; it was disabled")
     except CatenaryError as another:

@@ -87,22 +87,22 @@ def read_followed_file(path: Path, *, rows_per_second: float | None = None) -> M
         raise InputError(f"--rows-per-second: expected more than 0, got {rows_per_second}")
     form = format_of(path)
     if form.reader_in_parts:
-        found = _read_text(path, rows_per_second)
+        motion = _read_text(path, rows_per_second)
     elif form.ending == ".parquet":
-        found = replace(read_parquet(path), notes=())
-        if found.time is None or len(found.starts) > 1:
-            what = "holds no times" if found.time is None else f"holds {len(found.starts)} recordings"
+        motion = replace(read_parquet(path), notes=())
+        if motion.time is None or len(motion.starts) > 1:
+            what = "holds no times" if motion.time is None else f"holds {len(motion.starts)} recordings"
             raise FileFormatError(f"{path}: {what}; expected one motion with times, to be followed")
     elif form.ending == ".npz":
-        found = _read_npz(path)
+        motion = _read_npz(path)
     else:
         raise FileFormatError(f'{path}: ending "{path.suffix}": expected a table of text (.csv), .parquet or .npz')
-    if rows_per_second is not None and _is_named(found):
+    if rows_per_second is not None and _is_named(motion):
         raise InputError(f"{path}: states its times; --rows-per-second is for files without")
-    time = cast(Floats, found.time)
+    time = cast(Floats, motion.time)
     if not (rises := np.diff(time) > 0.0).all():
         raise InputError(f"{path}: row {int(np.argmin(rises)) + 2}: time does not rise")
-    return replace(found, time=time - time[0])
+    return replace(motion, time=time - time[0])
 
 
 def _read_text(path: Path, rows_per_second: float | None) -> MotionLog:
@@ -141,8 +141,8 @@ def _read_text(path: Path, rows_per_second: float | None) -> MotionLog:
         names = [names[0], *(names[k].removeprefix("q:") for k in positions)]
         units = [units[0], *(units[k] for k in positions)]
         values = values[:, [0, *positions]]
-    found = _in_si(path, names[1:], units[1:], values[:, 0] * SECONDS[units[0]], values[:, 1:])
-    return replace(found, notes=tuple(f"{path.name}: {note}" for note in table.notes[len(table.head.notes) :]))
+    motion = _in_si(path, names[1:], units[1:], values[:, 0] * SECONDS[units[0]], values[:, 1:])
+    return replace(motion, notes=tuple(f"{path.name}: {note}" for note in table.notes[len(table.head.notes) :]))
 
 
 def _read_npz(path: Path) -> MotionLog:

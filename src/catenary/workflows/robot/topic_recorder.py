@@ -297,10 +297,10 @@ def left_off(
     ours = About.from_json(about.as_json().encode(), str(folder))
     if reader.about != ours or {t.name for t in reader.topics} != {t.name for t in topics}:
         return None
-    found = reader.left_off()
-    if found is None or found.last >= now:
+    interrupted = reader.left_off()
+    if interrupted is None or interrupted.last >= now:
         return None
-    return found if along is None else found._replace(begins=along.reached(reader))
+    return interrupted if along is None else interrupted._replace(begins=along.reached(reader))
 
 
 class Along(NamedTuple):
@@ -348,7 +348,7 @@ def record_motion(
     arrive(client, sent)
     place = _ReportedPlace(motion, client.period)
     tick, begun, at = 0, False, motion.begin
-    left = motion.duration / (motion.duration + motion.begin)
+    remaining = motion.duration / (motion.duration + motion.begin)
 
     def observe(_: JointState, reference: Reference, time: float) -> None:
         nonlocal tick, begun, at, sent
@@ -363,7 +363,7 @@ def record_motion(
         recorder.collect()
 
     def share(done: float) -> None:
-        progress(1.0 - (1.0 - done) * left)
+        progress(1.0 - (1.0 - done) * remaining)
 
     try:
         run_trajectory(client, motion, joints=joints, observe=observe, progress=share)
@@ -388,6 +388,6 @@ class _ReportedPlace:
         times = np.arange(self.time, sent + 0.5 * self._step, self._step)
         if len(times):
             away = np.abs(self._motion.sample(times)[0] - setpoint).max(axis=1)
-            found = float(times[np.argmin(away)])
-            self.is_moving, self.time = found > self.time, found
+            nearest = float(times[np.argmin(away)])
+            self.is_moving, self.time = nearest > self.time, nearest
         return self.time
