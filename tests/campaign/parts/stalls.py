@@ -65,8 +65,8 @@ def served(ros: str) -> tuple[Any, Any, Any]:
     options = ("serve", "--ros", ros, "--rate", "200", "--homed")
     server = stack.enter_context(Program(network, PROGRAM, *options))
     server.line()
-    for lines in (server.process.stdout, server.process.stderr):  # its status, which would fill a pipe
-        threading.Thread(target=lambda lines=lines: [*map(len, lines)], daemon=True).start()
+    # its status, which would fill a pipe
+    threading.Thread(target=lambda lines=server.process.stdout: [*map(len, lines)], daemon=True).start()
     transport = stack.enter_context(make_transport(ros, NODE))
     watch = CrtkClient(transport, stale_after=PATIENCE, connect_timeout=PATIENCE)
     return network, server, stack.enter_context(watch)

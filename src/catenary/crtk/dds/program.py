@@ -167,6 +167,8 @@ _PROGRAMS = 120  # on one machine that find each other without multicast
 _SAID_EVERY = "1 s"  # that a program is there: to those that came later, and hear only what is sent to them
 _FAST_DDS = "1.15"  # its vendor's number; from version 3 on (Kilted) both disagree on what is said of types
 _MESSAGE_BYTES = 2**26  # of a message from the network
+# [B] Linux keeps 208 KiB for a computer out of reach; where no more fits, a writer waits, up to 2 s
+_UNSENT_BYTES = 2**20
 _logger = logging.getLogger(__name__)
 _domains: dict[int, Domain | None] = {}  # a process has each once, until it ends; None: somebody else's in it
 _lock = threading.Lock()
@@ -224,7 +226,8 @@ def _interfaces(said: str) -> tuple[str, ...]:
 
 def _settings(interfaces: str) -> str:
     wide = _range()
-    found = f"<Internal><MaxSampleSize>{_MESSAGE_BYTES} B</MaxSampleSize></Internal>"
+    found = f"<Internal><MaxSampleSize>{_MESSAGE_BYTES} B</MaxSampleSize>"
+    found += f'<SocketSendBufferSize max="{_UNSENT_BYTES} B"/></Internal>'
     found += f"<Compatibility><IgnoreTypeInformation>{_FAST_DDS}</IgnoreTypeInformation></Compatibility>"
     multicast = "<AllowMulticast>false</AllowMulticast>" if wide in ("LOCALHOST", "OFF") else ""
     found += f"<General>{interfaces}{multicast}</General>"
