@@ -49,7 +49,7 @@ def extract(
     names = sorted(p.name for p in (opened.folder / "recordings").glob("*") if p.is_dir())
     if not names:
         raise InputError(f"{project}: holds no recordings; run catenary excite first")
-    found, failed = dict[str, Any](), dict[str, CatenaryError]()
+    reports, failed = dict[str, Any](), dict[str, CatenaryError]()
     for name in names:
         with progress_bar(f"extract {name}"):
             try:
@@ -60,17 +60,17 @@ def extract(
                 failed[name] = error
                 continue
             report = json.loads((opened.folder / f"{name}.synchronised.json").read_bytes())
-            found[name] = {"log": str(motion_log_path(opened, name)), **report}
+            reports[name] = {"log": str(motion_log_path(opened, name)), **report}
             if bag is not None:
                 written = write_bags(opened, name, "ros1" if bag == "ros1" else "mcap")
-                found[name]["bags"] = [str(path) for path in written]
+                reports[name]["bags"] = [str(path) for path in written]
     parts: list[Any] = []
-    for name, report in found.items():
+    for name, report in reports.items():
         parts.append(Table(columns_of_topics, report["topics"], f"{name}: {report['rows']} rows"))
         parts.append(f"log: {report['log']}\n")
-    print_result(found, *parts, notes=[problem for report in found.values() for problem in report["problems"]])
+    print_result(reports, *parts, notes=[problem for report in reports.values() for problem in report["problems"]])
     for name, failure in failed.items():
-        if found and opened.outputs_of(f"record {name}") is None:
+        if reports and opened.outputs_of(f"record {name}") is None:
             print_notes([f"{name}: was interrupted and is left out: {failure}"])
         else:
             raise failure
@@ -98,16 +98,18 @@ def calibrate(
     """
     from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
-    asked, run = fitting.options(seed=0), fitting.run(accept, robot)
+    fit_options, run = fitting.options(seed=0), fitting.run(accept, robot)
     reading = recordings.reading(robot if train else None)
     kind = None if train else robot
     opened = projects.open_project(project, arm, hours=hours, ros=access.ros, robot=kind, namespace=namespace)
     with opened, _steps() as progress:
         if train:
-            result = calibrate_recordings(opened, train, test, reading=reading, asked=asked, run=run, progress=progress)
+            result = calibrate_recordings(
+                opened, train, test, reading=reading, asked=fit_options, run=run, progress=progress
+            )
         else:
             with projects.project_robot(opened, access, "calibrate") as moved:
-                result = calibrate_robot(opened, moved, asked=asked, run=run, progress=progress)
+                result = calibrate_robot(opened, moved, asked=fit_options, run=run, progress=progress)
     _conclude(result)
 
 
@@ -276,7 +278,7 @@ _OVER = {"silence": "the robot is back", "fault": "its fault is over", "stale": 
 
 def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", seconds: float) -> None:
     transport = client.transport
-    end, said = transport.steady() + seconds * 1e9, dict[str, str]()
+    end, shown = transport.steady() + seconds * 1e9, dict[str, str]()
     while (left := (end - transport.steady()) * 1e-9) > 0.0:
         topics.run(min(0.5, left))
         now = {
@@ -285,9 +287,9 @@ def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", secon
             "stale": f"stale input: {topics.stale[0].partition(':')[0]}" if topics.stale else "",
         }
         for kind, text in now.items():
-            if text != said.get(kind, ""):
+            if text != shown.get(kind, ""):
                 announce(text or _OVER[kind])
-        said = now
+        shown = now
 
 
 def _show_deployment(model: Path, arm: str, report: "WireReport") -> None:

@@ -192,8 +192,8 @@ class GravitySensor:
         """Return the topic's name and type."""
         from catenary.crtk.gravity_topic import GRAVITY_TYPES
 
-        given = zip((self.imu, self.accel, self.vector), GRAVITY_TYPES, strict=True)
-        return next((name, kind) for name, kind in given if name is not None)
+        types = zip((self.imu, self.accel, self.vector), GRAVITY_TYPES, strict=True)
+        return next((name, kind) for name, kind in types if name is not None)
 
 
 @group
@@ -333,7 +333,7 @@ def tool_node(
 
 def _shown(line: Callable[[Any], tuple[str, Sequence[str]]]) -> Callable[..., None]:
     """Return the function that prints a status: as JSON, or as a line to read and those remarks that are new."""
-    said: list[str] = []
+    shown: list[str] = []
 
     def show(status: "EncoderStatus | GravityStatus | ToolStatus", *, final: bool = False) -> None:
         if prints_json():
@@ -342,9 +342,9 @@ def _shown(line: Callable[[Any], tuple[str, Sequence[str]]]) -> Callable[..., No
         text, remarks = line(status)
         master = "" if status.is_up else "  NO MASTER"
         print(f"{text}  {status.subscribers} programs listen{master}", flush=True)
-        if list(remarks) != said:
-            said[:] = remarks
-            print_notes(said)
+        if list(remarks) != shown:
+            shown[:] = remarks
+            print_notes(shown)
 
     return show
 

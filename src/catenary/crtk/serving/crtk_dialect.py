@@ -375,13 +375,13 @@ def _jaw_servo_jf(arm: ServedArm, message: Message) -> None:
 
 def _numbers(arm: ServedArm, message: Message, field: str = "position", *, rest: Floats | None = None) -> Floats:
     """Return a command's numbers (n,); joints that it does not name get those of `rest` (n,), as does a jaw apart."""
-    given, names, n = len(getattr(message, field)), arm.reported, len(arm.reported)
-    if not message.name and given != n:
-        raise InputError(f"{given} numbers in `{field}`, expected {n}: {', '.join(names)}")
-    asked = joint_values(message, names, field, rest=None if rest is None else rest[:n])
+    count, names, n = len(getattr(message, field)), arm.reported, len(arm.reported)
+    if not message.name and count != n:
+        raise InputError(f"{count} numbers in `{field}`, expected {n}: {', '.join(names)}")
+    values = joint_values(message, names, field, rest=None if rest is None else rest[:n])
     if n == len(arm.names):
-        return asked
-    return np.concatenate([asked, np.zeros(len(arm.names) - n) if rest is None else rest[n:]])
+        return values
+    return np.concatenate([values, np.zeros(len(arm.names) - n) if rest is None else rest[n:]])
 
 
 def _goal(arm: ServedArm, message: Message) -> Floats:
@@ -429,8 +429,8 @@ def _servo_js(arm: ServedArm, message: Message) -> None:
 
     Without modes it is what the message has. Joints of no mode stay.
     """
-    n, given = len(arm.reported), (message.position, message.velocity, message.effort)
-    whole = sum(bit for bit, numbers in zip((_POSITION, _VELOCITY, _EFFORT), given, strict=True) if len(numbers))
+    n, arrays = len(arm.reported), (message.position, message.velocity, message.effort)
+    whole = sum(bit for bit, numbers in zip((_POSITION, _VELOCITY, _EFFORT), arrays, strict=True) if len(numbers))
     modes = np.array([mode.value for mode in message.mode] or [whole] * (len(message.name) or n))
     if len(modes) != (len(message.name) or n):
         raise InputError(f"servo_js: {len(modes)} modes, expected {len(message.name) or n}: one per joint")

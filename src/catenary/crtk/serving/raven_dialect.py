@@ -65,8 +65,8 @@ class RavenState:
         telemetry, unknown = arm.plant.telemetry(), np.zeros(len(channels))
 
         def rows(names: Iterable[str]) -> list[Floats]:
-            found = (telemetry.get(name, unknown) for name in names)
-            return [row if len(row) == len(channels) else unknown for row in found]
+            values = (telemetry.get(name, unknown) for name in names)
+            return [row if len(row) == len(channels) else unknown for row in values]
 
         joints = [measured.q, measured.qd, setpoint.q, *rows(_TELEMETRY)]
         self._floats[:, channels] = self._factors * joints
@@ -115,10 +115,10 @@ class RavenDialect(Dialect):
     def __init__(self, arms: Mapping[str, ServedArm], _: object = None) -> None:
         """Speak for arms of seven joints, both of them; its topics are fixed."""
         for name in ("gold", "green"):
-            found = 0 if name not in arms else len(arms[name].names)
-            if found != len(_RVIZ):
+            count = 0 if name not in arms else len(arms[name].names)
+            if count != len(_RVIZ):
                 raise InputError(
-                    f"dialect raven: the {name} arm has {found} joints, expected {len(_RVIZ)}; other robots speak crtk"
+                    f"dialect raven: the {name} arm has {count} joints, expected {len(_RVIZ)}; other robots speak crtk"
                 )
         super().__init__(arms, RAVEN_TOPICS, _PUBLISHED, _OBEYED)
         self._leader = next((arm for arm in arms.values() if arm.machine.can_change), arms["gold"])

@@ -212,8 +212,8 @@ class ServedArm:
 
     def whole(self, q: Floats) -> Floats:
         """Return positions (n,) with those of joint states; a jaw that these lack keeps its setpoint or goal."""
-        rest = self.setpoint.q if self._jaw is None else self._jaw[0](self._jaw[0].duration).q
-        return np.append(q, rest[len(q) :])
+        setpoint = self.setpoint.q if self._jaw is None else self._jaw[0](self._jaw[0].duration).q
+        return np.append(q, setpoint[len(q) :])
 
     def require_inside(self, q: Floats) -> None:
         """Refuse positions (n,) [rad|m] beyond the joints' limits."""
@@ -363,12 +363,12 @@ class ServedArm:
         self._push = None
         yield self.measured.q  # the firmware holds where the arm is
 
-    def _report_limits(self, asked: Floats) -> None:
+    def _report_limits(self, requested: Floats) -> None:
         """Report torques that differ from those requested, with the joint's position."""
         acts = self.measured.tau
-        for j in np.flatnonzero(np.abs(acts - asked) > 1e-3 * (1.0 + np.abs(asked))):
+        for j in np.flatnonzero(np.abs(acts - requested) > 1e-3 * (1.0 + np.abs(requested))):
             text = (
-                f'joint "{self.names[j]}": torque {asked[j]:.4g} requested, {acts[j]:.4g} applied, at '
+                f'joint "{self.names[j]}": torque {requested[j]:.4g} requested, {acts[j]:.4g} applied, at '
                 f"{self.measured.q[j]:.4g} {self.plant.joint_units[j]} of [{self.lower[j]:.4g}, {self.upper[j]:.4g}]"
             )
             self.reports.say(f"{self.arm}: limited", text, self.reports_time, to=(self.arm,))
