@@ -6,9 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import xmlrpc.client
-from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -170,11 +168,6 @@ class Program:
             self.process.wait()
             raise AssertionError(f"the program ended: {self.errors()}")
         return line.strip()
-
-    def drop_lines(self) -> None:
-        """Read what it prints from now on, and drop it: a full pipe would stop it."""
-        assert self.process.stdout is not None
-        threading.Thread(target=deque, args=(self.process.stdout, 0), daemon=True).start()
 
     def say(self, line: str) -> None:
         """Give it a line."""

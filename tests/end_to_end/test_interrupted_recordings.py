@@ -140,7 +140,6 @@ def test_a_trial_with_kills_a_restart_and_a_cut_cable_is_one_recording_of_each_s
 
         with Program(robot, *served) as server:
             server.line()  # it is up
-            server.drop_lines()
             with driven(0.2):
                 pass  # killed
             with driven(0.4) as program, server.standing_still():
@@ -150,7 +149,6 @@ def test_a_trial_with_kills_a_restart_and_a_cut_cable_is_one_recording_of_each_s
                 ends(program)
         with Program(robot, *served) as server:
             server.line()
-            server.drop_lines()
             with driven(0.8) as program:
                 client.set("down")
                 ends(program)

@@ -64,7 +64,6 @@ def served(ros: str) -> tuple[Any, Any, Any]:
     options = ("serve", "--ros", ros, "--rate", "200", "--homed")
     server = stack.enter_context(Program(network, PROGRAM, *options))
     server.line()
-    server.drop_lines()
     transport = stack.enter_context(make_transport(ros, NODE))
     watch = CrtkClient(transport, stale_after=PATIENCE, connect_timeout=PATIENCE)
     return network, server, stack.enter_context(watch)

@@ -70,17 +70,17 @@ class Event(NamedTuple):
     message: Callable[[Any, int], Message]  # of it, and of a stamp [ns]
 
 
-def _desired_state(arm: ServedArm) -> str:
-    """Return the state that it is in or on its way to, in the dVRK's words: an arm that homes is to be HOMED."""
-    state = arm.state
-    return "HOMED" if state.state == "ENABLED" and (state.is_homed or state.is_busy) else state.state
-
-
 def _current_state(arm: ServedArm) -> str:
     state = arm.state
     if state.state != "ENABLED" or not (state.is_homed or state.is_busy):
         return state.state
     return "HOMED" if state.is_homed else "HOMING"
+
+
+def _desired_state(arm: ServedArm) -> str:
+    """Return the state that it is in or on its way to, in the dVRK's words."""
+    state = _current_state(arm)
+    return "HOMED" if state == "HOMING" else state
 
 
 def _ratio(arm: ServedArm) -> float:
