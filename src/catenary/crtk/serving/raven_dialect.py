@@ -8,7 +8,7 @@ from catenary.arrays import Floats, as_array
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import joint_values, named_joints, operating_state_message, pose_of, rotation_of
 from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, jaw, joints_and_tool, single_number
-from catenary.crtk.serving.served_arm import JAW_JOINTS, ServedArm, servo_pose, servo_pose_increment
+from catenary.crtk.serving.served_arm import ServedArm, servo_pose, servo_pose_increment
 from catenary.crtk.serving.state_machine import robot_state
 from catenary.crtk.topic_names import GRAV_DIR, RAVEN_TOPICS, CrtkTopic
 from catenary.errors import InputError
@@ -71,7 +71,7 @@ class RavenState:
         joints = [measured.q, measured.qd, setpoint.q, *rows(_TELEMETRY)]
         self._floats[:, channels] = self._factors * joints
         self._counts[:, channels] = rows(_COUNTS)
-        arrays["grasp_d"][place] = setpoint.q[-JAW_JOINTS:].sum()
+        arrays["grasp_d"][place] = setpoint.q[-arm.tool.jaws :].sum()
         # velocity and angular velocity of the tool in its own axes; the robot, too, sends them twice
         twist = (arm.measured_tool.twist.reshape(2, 3) @ arm.measured_tool.pose.rotation).ravel()
         for twice in ("jac_vel", "jac_f"):

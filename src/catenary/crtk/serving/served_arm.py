@@ -22,9 +22,6 @@ from catenary.trajectories.smoothed_path import go_to
 _INCREMENTS_A_TICK = 4
 _BACKLOG_S = 0.25  # [s] longest wait of an increment
 _FOLLOW_S = 0.1  # [s] watchdog: time after the last command in which a goal, velocity or torque acts
-
-
-JAW_JOINTS = 2  # joints, the last ones
 BASE_FRAME = "base"  # frame of all poses
 _SETPOINT_SPEED = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] largest of a setpoint: 0.0025 rad, 0.05 mm per millisecond
 _LEAST_BUSY_S = 0.05  # [s] CRTK's Python client waits for a busy state and its end, even of a move of zero length
@@ -205,10 +202,10 @@ class ServedArm:
         """Setpoint (n,) after all waiting increments, from which relative poses start."""
         return np.sum([self.setpoint.q, *(dq for dq, _ in self._increments)], axis=0)
 
-    def increment_along(self, dq: Floats) -> None:
-        """Add an increment dq (n,) [rad|m], scaled so that no joint exceeds its clamp and the direction is kept."""
+    def scaled(self, dq: Floats) -> Floats:
+        """Return a tick's motion dq (n,) [rad|m], so small that no joint exceeds its clamp, in its own direction."""
         with np.errstate(divide="ignore"):
-            self.increment(dq * min(1.0, float((self.most / np.abs(dq)).min())))
+            return dq * min(1.0, float((self.most / np.abs(dq)).min()))
 
     def whole(self, q: Floats) -> Floats:
         """Return positions (n,) with those of joint states; a jaw that these lack keeps its setpoint or goal."""
@@ -439,14 +436,12 @@ def servo_pose(arm: ServedArm, pose: Pose, twist: Floats | None = None) -> None:
 def servo_pose_increment(arm: ServedArm, step: Floats, turn: Floats) -> None:
     """Move the tool by a step (3,) [m] and turn it by a rotation vector (3,) [rad], both in base axes."""
     q = arm.commanded
-    arm.increment_along(_joints_beside(arm, q, step, turn) - q)
+    arm.increment(arm.scaled(_joints_beside(arm, q, step, turn) - q))
 
 
 def servo_twist(arm: ServedArm, twist: Floats) -> None:
     """Move the tool at a velocity and angular velocity (6,) in base axes [m/s, rad/s], for 0.1 s."""
-    qd = _speeds(arm, twist)
-    with np.errstate(divide="ignore"):
-        arm.run_at(qd * min(1.0, float((arm.most / arm.plant.period / np.abs(qd)).min())))
+    arm.run_at(arm.scaled(_speeds(arm, twist) * arm.plant.period) / arm.plant.period)
 
 
 def _speeds(arm: ServedArm, twist: Floats) -> Floats:
