@@ -49,7 +49,7 @@ def extract(
     names = sorted(p.name for p in (opened.folder / "recordings").glob("*") if p.is_dir())
     if not names:
         raise InputError(f"{project}: holds no recordings; run catenary excite first")
-    reports, failed = dict[str, Any](), dict[str, CatenaryError]()
+    found, failed = dict[str, Any](), dict[str, CatenaryError]()
     for name in names:
         with progress_bar(f"extract {name}"):
             try:
@@ -60,17 +60,17 @@ def extract(
                 failed[name] = error
                 continue
             report = json.loads((opened.folder / f"{name}.synchronised.json").read_bytes())
-            reports[name] = {"log": str(motion_log_path(opened, name)), **report}
+            found[name] = {"log": str(motion_log_path(opened, name)), **report}
             if bag is not None:
                 written = write_bags(opened, name, "ros1" if bag == "ros1" else "mcap")
-                reports[name]["bags"] = [str(path) for path in written]
+                found[name]["bags"] = [str(path) for path in written]
     parts: list[Any] = []
-    for name, report in reports.items():
+    for name, report in found.items():
         parts.append(Table(columns_of_topics, report["topics"], f"{name}: {report['rows']} rows"))
         parts.append(f"log: {report['log']}\n")
-    print_result(reports, *parts, notes=[problem for report in reports.values() for problem in report["problems"]])
+    print_result(found, *parts, notes=[problem for report in found.values() for problem in report["problems"]])
     for name, failure in failed.items():
-        if reports and opened.outputs_of(f"record {name}") is None:
+        if found and opened.outputs_of(f"record {name}") is None:
             print_notes([f"{name}: was interrupted and is left out: {failure}"])
         else:
             raise failure
@@ -98,18 +98,16 @@ def calibrate(
     """
     from catenary.workflows.project.calibrate import calibrate_recordings, calibrate_robot
 
-    fit_options, run = fitting.options(seed=0), fitting.run(accept, robot)
+    asked, run = fitting.options(seed=0), fitting.run(accept, robot)
     reading = recordings.reading(robot if train else None)
     kind = None if train else robot
     opened = projects.open_project(project, arm, hours=hours, ros=access.ros, robot=kind, namespace=namespace)
     with opened, _steps() as progress:
         if train:
-            result = calibrate_recordings(
-                opened, train, test, reading=reading, asked=fit_options, run=run, progress=progress
-            )
+            result = calibrate_recordings(opened, train, test, reading=reading, asked=asked, run=run, progress=progress)
         else:
             with projects.project_robot(opened, access, "calibrate") as moved:
-                result = calibrate_robot(opened, moved, asked=fit_options, run=run, progress=progress)
+                result = calibrate_robot(opened, moved, asked=asked, run=run, progress=progress)
     _conclude(result)
 
 
@@ -278,7 +276,7 @@ _OVER = {"silence": "the robot is back", "fault": "its fault is over", "stale": 
 
 def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", seconds: float) -> None:
     transport = client.transport
-    end, shown = transport.steady() + seconds * 1e9, dict[str, str]()
+    end, said = transport.steady() + seconds * 1e9, dict[str, str]()
     while (left := (end - transport.steady()) * 1e-9) > 0.0:
         topics.run(min(0.5, left))
         now = {
@@ -287,9 +285,9 @@ def _tell_while_deployed(topics: "CalibratedTopics", client: "CrtkReader", secon
             "stale": f"stale input: {topics.stale[0].partition(':')[0]}" if topics.stale else "",
         }
         for kind, text in now.items():
-            if text != shown.get(kind, ""):
+            if text != said.get(kind, ""):
                 announce(text or _OVER[kind])
-        shown = now
+        said = now
 
 
 def _show_deployment(model: Path, arm: str, report: "WireReport") -> None:

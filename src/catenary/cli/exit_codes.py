@@ -41,23 +41,23 @@ def signals_interrupt() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    ended_at, name = -_SAME_SIGNAL_S, ""
+    asked, name = -_SAME_SIGNAL_S, ""
 
     def end(number: int, _: FrameType | None) -> None:
-        nonlocal ended_at, name
+        nonlocal asked, name
         now = time.monotonic()
-        if now - ended_at >= _SAME_SIGNAL_S:
-            ended_at, name = now, signal.Signals(number).name
+        if now - asked >= _SAME_SIGNAL_S:
+            asked, name = now, signal.Signals(number).name
             raise EndedBySignal(name)
 
     tell = sys.unraisablehook
 
     def unraisable(lost: "sys.UnraisableHookArgs") -> None:
-        nonlocal ended_at
+        nonlocal asked
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             tell(lost)
             return
-        ended_at = -_SAME_SIGNAL_S
+        asked = -_SAME_SIGNAL_S
         number = signal.Signals[str(lost.exc_value)] if lost.exc_type is EndedBySignal else signal.SIGINT
         again = threading.Timer(_INTERRUPT_AGAIN_AFTER_S, interrupt, (number,))
         again.daemon = True

@@ -38,16 +38,16 @@ def check(
 
     with without_notes(True):  # what is doubtful is among the faults below
         typed = recordings.typed(robot)
-        verdict = check_file(file, recordings.reading(robot), robot=robot, max_error=max_error, typed=typed)
+        found = check_file(file, recordings.reading(robot), robot=robot, max_error=max_error, typed=typed)
     if picture is not None:
-        if verdict.draw is None:
+        if found.draw is None:
             raise InputError("--picture: is of a recording with measured joint positions")
-        write_picture(verdict.draw(), picture, PICTURE.endings)
-    joints = None if verdict.joints is None else verdict.joints.text().rstrip()
-    facts = [("remark:", text) for text in verdict.shown_remarks] + [("WRONG:", text) for text in verdict.faults]
-    facts += [("verdict", verdict.verdict), *([("next", verdict.next)] if verdict.next else [])]
-    print_result(verdict.as_data(), f"{file}: {verdict.kind}", list(verdict.lines), joints, facts)
-    if verdict.faults:
+        write_picture(found.draw(), picture, PICTURE.endings)
+    joints = None if found.joints is None else found.joints.text().rstrip()
+    facts = [("remark:", text) for text in found.shown_remarks] + [("WRONG:", text) for text in found.faults]
+    facts += [("verdict", found.verdict), *([("next", found.next)] if found.next else [])]
+    print_result(found.as_data(), f"{file}: {found.kind}", list(found.lines), joints, facts)
+    if found.faults:
         raise typer.Exit(FAULT_FOUND)
 
 
@@ -64,13 +64,13 @@ def recover(
     """
     from catenary.workflows.recover import recover as recover_recording
 
-    recovery = recover_recording(recording, out)
+    found = recover_recording(recording, out)
     columns: list[Column] = ["topic", "kept", ("lost, about", "lost"), ("without messages [s]", "seconds:.2f")]
-    table = Table(columns, recovery.rescue.topics, f"{recording}: {recovery.rescue.seconds:.1f} s")
+    table = Table(columns, found.rescue.topics, f"{recording}: {found.rescue.seconds:.1f} s")
     lines = ["whole: nothing to recover, nothing written"]
-    if recovery.written is not None:
-        lines = [*recovery.rescue.stretches(), f"written: {recovery.written}"]
-    print_result(recovery.as_data(), table, *lines, notes=recovery.problems)
+    if found.written is not None:
+        lines = [*found.rescue.stretches(), f"written: {found.written}"]
+    print_result(found.as_data(), table, *lines, notes=found.problems)
 
 
 def export(

@@ -255,16 +255,16 @@ def drift(
     if all(path.suffix == ".json" or (path.is_file() and MODEL.is_one(path)) for path in held.data):
         if held != HeldModel(**values_of(held, "model", "data", "report")):
             raise InputError("drift: options of recordings do not go with models and cards")
-        changes, notes = card_history([held.model, *held.data], factor), list[str]()
+        found, notes = card_history([held.model, *held.data], factor), list[str]()
     else:
-        changes, notes = held.against().drift(factor)
-    since = "\n".join(since_in_words(changes)) or "no joint is beyond at the end"
-    lines = f"beyond: {changes.judged_by}", since
-    print_result(drift_summary(changes, notes), *drift_tables(changes), *lines, notes=notes)
+        found, notes = held.against().drift(factor)
+    since = "\n".join(since_in_words(found)) or "no joint is beyond at the end"
+    lines = f"beyond: {found.judged_by}", since
+    print_result(drift_summary(found, notes), *drift_tables(found), *lines, notes=notes)
     if held.report is not None:
-        write_drift_report(held.report, changes, model=held.model.name, notes=notes)
+        write_drift_report(held.report, found, model=held.model.name, notes=notes)
         print_page(held.report)
-    if any(first is not None for first in changes.since):
+    if any(first is not None for first in found.since):
         raise typer.Exit(FAULT_FOUND)
 
 

@@ -64,8 +64,8 @@ class Conditions:
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, for the JSON and the page."""
-        values = {name: value for name, value in vars(self).items() if value not in (None, False, ())}
-        return values | {"base_tilt_deg": self.base_tilt_deg or LEVEL_BASE, "payload": self.payload, "seed": self.seed}
+        given = {name: value for name, value in vars(self).items() if value not in (None, False, ())}
+        return given | {"base_tilt_deg": self.base_tilt_deg or LEVEL_BASE, "payload": self.payload, "seed": self.seed}
 
     def base(self) -> "MovingBase":
         """Return the motion of the base that the arm stands on."""
@@ -89,8 +89,8 @@ class Conditions:
 
     def gravity(self, arm: "SimulatedArm", sensing: SensingOptions) -> "SensedGravity | None":
         """Return a simulated unit on the base as a source of gravity; None where gravity is as it truly is."""
-        has_imu = self.simulated_imu or self.sensor_bias is not None or self.imu_frame is not None
-        if not has_imu and sensing == SensingOptions():
+        asked = self.simulated_imu or self.sensor_bias is not None or self.imu_frame is not None
+        if not asked and sensing == SensingOptions():
             return None
         from catenary.workflows.gravity_trials import base_sensor
 
@@ -106,14 +106,14 @@ def _wave(option: str, text: str, axis: str | None = None) -> "Wave":
     """Read amplitude, frequency and phase of a motion along an axis, or of a rocking motion (AXIS,DEG,HZ)."""
     from catenary.simulation.base_motion import Wave
 
-    unit, remaining = 1.0, text
+    unit, rest = 1.0, text
     if axis is None:
-        axis, _, remaining = (part.strip() for part in text.partition(","))
+        axis, _, rest = (part.strip() for part in text.partition(","))
         unit = math.radians(1.0)
         if axis not in _AXES:
             raise InputError(f'{option} "{text}": expected AXIS,DEG,HZ with axis x, y or z, as x,8,0.1')
     try:
-        values = numbers(remaining)
+        values = numbers(rest)
     except typer.BadParameter as error:
         raise InputError(f"{option}: {error.message}") from None
     if not all(map(math.isfinite, values)):
@@ -178,7 +178,7 @@ def gravity(
     print_notes(
         [*beyond_limits(arm, values), *given.doubts(gravity), *mass_doubts(model), *_unseen(arm, model, open_to)]
     )
-    content = {
+    found = {
         "robot": arm.name, "joints": arm.joint_names, "q": list(values), "gravity": gravity, "tau": torques,
         "unit": units, "level": on_level, "unseen": open_to.tolist(),
         "delta": held(values, gravity - LEVEL),  # for firmware that knows a level base only
@@ -191,7 +191,7 @@ def gravity(
     rows = list(zip(arm.joint_names, torques, on_level, apart, units, strict=True))
     title = f"{arm.name}: what holds it still under gravity ({shown}) m/s2 in {axes}"
     command_line = None if vendor_says is None else f"{vendor}: {vendor_says['command'] or 'no command'}"
-    print_result(content, Table(columns, rows, title), command_line)
+    print_result(found, Table(columns, rows, title), command_line)
     if vendor_says is not None and not prints_json():
         print_notes([f"{vendor}: {vendor_says['limits']}"])
 

@@ -67,14 +67,14 @@ class IdentificationOptions:
         from catenary.identification.identify_options import IdentifyOptions
 
         named = self.friction if self.friction != ("none",) else ()
-        settings: dict[str, Any] = values_of(
+        asked: dict[str, Any] = values_of(
             self, "terms", "cutoff_hz", "weighting", "consistent", "prior", "rotors", "blocks"
         )
         if self.base_sensor is not None:
-            settings["base_sensor"] = self.base_sensor
+            asked["base_sensor"] = self.base_sensor
         return IdentifyOptions(
             gravity=cast(Any, tuple(gravity.tolist())), find_rotors=not self.no_rotors,
-            friction=FRICTION_PARTS if named is None else named, **settings,
+            friction=FRICTION_PARTS if named is None else named, **asked,
         )  # fmt: skip
 
 
@@ -114,21 +114,21 @@ def identify(
     result = identify_files(
         data, robot, options, tests=test, reading=reading, load=load, payload=body, joints=joints, accept=accept
     )
-    identified = result.identification
-    save_identification(identified, result.card, out)
+    found = result.identification
+    save_identification(found, result.card, out)
     if urdf is not None:
         from catenary.robots.urdf_export import write_urdf
 
-        write_urdf(identified.robot(), urdf)
+        write_urdf(found.robot(), urdf)
     content = {**result.summary(), "file": str(out), "card": str(card_path(out))}
-    tables = identified.residual_table, absolute_table(identified), mass_table(identified), rotor_table(identified)
-    lines = [f"{name}: {text}" for name, text in excitation_facts(identified)[:2]]
+    tables = found.residual_table, absolute_table(found), mass_table(found), rotor_table(found)
+    lines = [f"{name}: {text}" for name, text in excitation_facts(found)[:2]]
     print_result(content, *tables, *lines, f"parameters: {out}\ncard:  {card_path(out)}", notes=result.notes)
     if report is not None:  # last: whatever goes wrong with it, the parameters are there
         from catenary.reports.identification import write_identification_report
 
         shown = result.tests or result.training
-        write_identification_report(report, identified, result.card, shown, notes=result.notes)
+        write_identification_report(report, found, result.card, shown, notes=result.notes)
         print_page(report)
 
 
@@ -246,21 +246,20 @@ def _external(data: Sequence[Path], model: Path, out: Path, **how: Any) -> None:
 
     if len(data) != 1:
         raise InputError(f"--external: expected one recording, got {len(data)}")
-    external = external_torques_of_file(data[0], model, **how)
-    external.write(out)
+    found = external_torques_of_file(data[0], model, **how)
+    found.write(out)
     columns: list[Column] = ["joint", ("largest", "largest:.3g"), ("at [s]", "time:.2f")]
     columns += [("95 % within", "half_width:.3g"), "unit", ("beyond", "beyond:.1f %")]
-    title = f"External torques in {external.log}; 5 % lie beyond where nothing touches"
+    title = f"External torques in {found.log}; 5 % lie beyond where nothing touches"
     lines = []
-    if (strongest := external.strongest()) is not None:
+    if (strongest := found.strongest()) is not None:
         numbers = [f"{v:.2f} ± {w:.2f}" for v, w in zip(strongest["wrench"], strongest["half_width"], strict=True)]
-        force, time, tip = ", ".join(numbers[:3]), strongest["time"], external.model.tip
         lines += [
-            f"largest force on {tip}: {force} N in base axes at {time:.2f} s",
+            f"largest force on {found.model.tip}: {', '.join(numbers[:3])} N in base axes at {strongest['time']:.2f} s",
             f"moment then: {', '.join(numbers[3:])} Nm",
         ]
-    content = {**external.summary(), "file": str(out)}
-    print_result(content, Table(columns, external.joints, title), *lines, f"rows: {out}", notes=external.notes)
+    content = {**found.summary(), "file": str(out)}
+    print_result(content, Table(columns, found.joints, title), *lines, f"rows: {out}", notes=found.notes)
 
 
 def _wrist_tool(data: Sequence[Path], wrist: WristSensor, accept: Sequence[str]) -> None:
@@ -394,10 +393,10 @@ def excitation(
     from catenary.workflows.excitation import design_excitation, write_motion, write_trajectory
 
     model = loaded.load(robot)
-    bounds = {name: values for name, values in vars(limits).items() if values is not None}
+    given = {name: values for name, values in vars(limits).items() if values is not None}
     if motion.static is not None:  # poses are held: how fast they are reached is the robot's
-        bounds.setdefault("velocity", (1.0,) * model.n)
-    room = motion_room(model, **bounds)
+        given.setdefault("velocity", (1.0,) * model.n)
+    room = motion_room(model, **given)
     around = collisions.around(robot, model)
     result = design_excitation(
         model, room, around, np.random.default_rng(seed), gravity=gravity.stated(), **vars(motion)

@@ -98,11 +98,11 @@ class CommandGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that is meant, its name and its arguments; what is behind `--ros-args` is kept for it."""
-        name, command, words = super().resolve_command(ctx, args)
+        name, command, rest = super().resolve_command(ctx, args)
         if any(option.name == "ros_distro" for option in (command.params if command else ())):
-            words, ros_arguments = split_ros_arguments(words)
-            say_ros_arguments(parse_ros_arguments(ros_arguments))
-        return name, command, words
+            rest, said = split_ros_arguments(rest)
+            say_ros_arguments(parse_ros_arguments(said))
+        return name, command, rest
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command; SIGTERM and SIGHUP interrupt it as Ctrl-C does."""
@@ -196,9 +196,9 @@ def _run() -> None:
 
 
 def _fail(message: str, code: int, error: BaseException | None = None) -> NoReturn:
-    text = "; ".join([message, *getattr(error, "__notes__", [])])
+    said = "; ".join([message, *getattr(error, "__notes__", [])])
     with contextlib.suppress(OSError):  # a terminal that was closed
-        print(f"catenary: {text[:_MAX_MESSAGE_LENGTH]}", file=sys.stderr)
+        print(f"catenary: {said[:_MAX_MESSAGE_LENGTH]}", file=sys.stderr)
     sys.exit(code)
 
 

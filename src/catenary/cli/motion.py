@@ -60,7 +60,7 @@ def goto(
             if q is None or np.abs(goal).max() <= 2.0 * np.pi:
                 raise
             raise LimitError(f"{error}; --q takes rad and m, --q-deg takes deg and mm") from error
-    _say(summary, "arrived", si=q is not None, goal=place)
+    _say(summary, "arrived", si=q is not None, asked=place)
 
 
 def random(
@@ -138,7 +138,7 @@ def teleop(
     print_result(content, f"{opened.name}: ended by {why}; the robot is {state.state}", notes=notes)
 
 
-def _say(summary: "MotionSummary", what: str, *, si: bool = False, goal: "Floats | None" = None) -> None:
+def _say(summary: "MotionSummary", what: str, *, si: bool = False, asked: "Floats | None" = None) -> None:
     """Print how a motion went (`si`: rad, m) towards the tip at `asked` (3,) [m]; exit by its signal, if any."""
     state = summary.state
     done = what if summary.ended_by is None else f"stopped by {summary.ended_by}; the robot holds here"
@@ -151,8 +151,8 @@ def _say(summary: "MotionSummary", what: str, *, si: bool = False, goal: "Floats
     digits, scale, unit = (4, 1.0, "m") if si else (1, 1000.0, "mm")
     x, y, z = (f"{scale * value:.{digits}f}" for value in summary.tip)
     lines = [f"tip ({summary.tip_name}): {x}, {y}, {z} {unit} in the base frame, by reported joints"]
-    if goal is not None:
-        lines.append(f"distance from the goal: {in_words(math.dist(summary.tip, goal), 'm', 2)}")
+    if asked is not None:
+        lines.append(f"distance from the goal: {in_words(math.dist(summary.tip, asked), 'm', 2)}")
     if summary.tip_error is not None:
         error = in_words(summary.tip_error, "m", 2)
         lines.append(f"true error of the {summary.true_frame}, which only a simulation knows: {error}")

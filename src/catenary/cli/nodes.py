@@ -190,8 +190,8 @@ class GravitySensor:
         """Return the topic's name and type."""
         from catenary.crtk.gravity_topic import GRAVITY_TYPES
 
-        types = zip((self.imu, self.accel, self.vector), GRAVITY_TYPES, strict=True)
-        return next((name, kind) for name, kind in types if name is not None)
+        given = zip((self.imu, self.accel, self.vector), GRAVITY_TYPES, strict=True)
+        return next((name, kind) for name, kind in given if name is not None)
 
 
 @group
@@ -324,13 +324,9 @@ def tool_node(
         raise typer.Exit(FAULT_FOUND)
 
 
-def _run(
-    node: "SteppedNode", line: Callable[[Any], tuple[str, Sequence[str]]], rate: float, duration: float | None
-) -> Any:
-    """Run a node at a rate [Hz]; print its status, as JSON or as a line and new remarks, and return the last one."""
-    from catenary.nodes.sensor_nodes import publish
-
-    shown: list[str] = []
+def _shown(line: Callable[[Any], tuple[str, Sequence[str]]]) -> Callable[..., None]:
+    """Return the function that prints a status: as JSON, or as a line to read and those remarks that are new."""
+    said: list[str] = []
 
     def show(status: "EncoderStatus | GravityStatus | ToolStatus", *, final: bool = False) -> None:
         if prints_json():
@@ -339,10 +335,20 @@ def _run(
         text, remarks = line(status)
         master = "" if status.is_up else "  NO MASTER"
         print(f"{text}  {status.subscribers} programs listen{master}", flush=True)
-        if list(remarks) != shown:
-            shown[:] = remarks
-            print_notes(shown)
+        if list(remarks) != said:
+            said[:] = remarks
+            print_notes(said)
 
+    return show
+
+
+def _run(
+    node: "SteppedNode", line: Callable[[Any], tuple[str, Sequence[str]]], rate: float, duration: float | None
+) -> Any:
+    """Run a node at a rate [Hz] and print its status; return the last one."""
+    from catenary.nodes.sensor_nodes import publish
+
+    show = _shown(line)
     last = publish(node, rate_hz=rate, duration=duration, show=if_read(show))
     show(last, final=True)
     return last

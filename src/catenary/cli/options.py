@@ -88,11 +88,11 @@ class Option:
     def parameter(self) -> Parameter:
         """Return the parameter that typer makes its option from."""
         kind, default = self.kind, self.default
-        kinds = [one for one in get_args(kind) if one is not NoneType]  # of what need not be given
-        if NoneType in get_args(kind) and len(kinds) == 1:
-            (kind,) = kinds
+        rest = [one for one in get_args(kind) if one is not NoneType]  # of what need not be given
+        if NoneType in get_args(kind) and len(rest) == 1:
+            (kind,) = rest
         if self.is_repeatable:
-            (kind,), default = kinds, REQUIRED if default is REQUIRED else None
+            (kind,), default = rest, REQUIRED if default is REQUIRED else None
         elif isinstance(default, tuple):
             default = ",".join(f"{one:g}" if isinstance(one, float) else one for one in default)
         metavar = self.metavar or _METAVARS.get(kind)
@@ -142,21 +142,21 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
     """
     own = signature(command).parameters.values()
     groups: dict[str, Any] = {p.name: p.annotation for p in own if is_dataclass(p.annotation)}
-    declared: list[Option] = [p.default.declared(p.name, p.annotation) for p in own if p.name not in groups]
-    declared += [field.metadata["option"] for kind in groups.values() for field in fields(kind)]
+    asked: list[Option] = [p.default.declared(p.name, p.annotation) for p in own if p.name not in groups]
+    asked += [field.metadata["option"] for kind in groups.values() for field in fields(kind)]
     as_json = option(None, getattr(command, "json_help", "Print JSON."), False, flag="--json")
-    declared.append(as_json.declared("as_json", bool))
+    asked.append(as_json.declared("as_json", bool))
     if getattr(command, "prints_tables", False):
-        declared.append(_LATEX.declared("as_latex", bool))
-    if any(one.joins_ros for one in declared):
-        declared += [_TRANSPORT.declared("transport", str), _ROS_DISTRO.declared("ros_distro", str)]
+        asked.append(_LATEX.declared("as_latex", bool))
+    if any(one.joins_ros for one in asked):
+        asked += [_TRANSPORT.declared("transport", str), _ROS_DISTRO.declared("ros_distro", str)]
 
-    def run(*, no_notes: bool, **typed: Any) -> None:
+    def run(*, no_notes: bool, **given: Any) -> None:
         values: dict[str, Any] = {
-            one.name: tuple(typed[one.name] or ()) if one.is_repeatable else typed[one.name] for one in declared
+            one.name: tuple(given[one.name] or ()) if one.is_repeatable else given[one.name] for one in asked
         }
-        _refuse_wrong(declared, values)
-        _refuse_files(declared, values)
+        _refuse_wrong(asked, values)
+        _refuse_files(asked, values)
         if "ros_distro" in values:
             chosen = {"distro": values["ros_distro"], "transport": values["transport"]}
             say_ros_arguments(replace(said_ros_arguments(), **chosen))
@@ -165,7 +165,7 @@ def as_typed(command: Callable[..., None]) -> Callable[..., None]:
         with without_notes(no_notes), printing(next((f for f in ("json", "latex") if values.get(f"as_{f}")), "text")):
             command(**{p.name: values[p.name] for p in own})
 
-    parameters = [one.parameter() for one in (*declared, _NO_NOTES.declared("no_notes", bool))]
+    parameters = [one.parameter() for one in (*asked, _NO_NOTES.declared("no_notes", bool))]
     run.__doc__ = re.sub(r"\n+(?= *Example:)", "\n\n", command.__doc__ or "")  # each on lines of its own
     run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
     run.__annotations__ = {p.name: p.annotation for p in parameters}
@@ -188,11 +188,11 @@ def prints_tables(command: Command) -> Command:
     return command
 
 
-def _refuse_wrong(options: Sequence[Option], values: Mapping[str, Any]) -> None:
-    known = {one.name: one.typed for one in options}
-    typed = [one for one in options if values[one.name] != one.default]
-    names = {one.name for one in typed}
-    for one in typed:
+def _refuse_wrong(asked: Sequence[Option], values: Mapping[str, Any]) -> None:
+    known = {one.name: one.typed for one in asked}
+    given = [one for one in asked if values[one.name] != one.default]
+    names = {one.name for one in given}
+    for one in given:
         choices, value = one.choices, values[one.name]
         if choices and str(value) not in choices:
             *others, last = choices
@@ -205,9 +205,9 @@ def _refuse_wrong(options: Sequence[Option], values: Mapping[str, Any]) -> None:
                 raise InputError(f"{one.typed}: does not go with {known[name]}")
 
 
-def _refuse_files(options: Sequence[Option], values: Mapping[str, Any]) -> None:
+def _refuse_files(asked: Sequence[Option], values: Mapping[str, Any]) -> None:
     written, read = {}, list[Path]()
-    for one in options:
+    for one in asked:
         value = values[one.name]
         if one.writes is not None and value is not None:
             written[one.typed] = value, one.writes
@@ -222,10 +222,10 @@ def values_of(options: Any, *names: str) -> dict[str, Any]:
     return {name: getattr(options, name) for name in names}
 
 
-def require_one(**choices: Any) -> None:
+def require_one(**given: Any) -> None:
     """Refuse none, and more than one, of what must be given; by their parameters' names."""
-    if sum(value not in (None, False) for value in choices.values()) != 1:
-        *others, last = (f"--{name.replace('_', '-')}" for name in choices)
+    if sum(value not in (None, False) for value in given.values()) != 1:
+        *others, last = (f"--{name.replace('_', '-')}" for name in given)
         raise InputError(f"give one of {', '.join(others)} and {last}")
 
 

@@ -37,14 +37,14 @@ class ArmOptions:
 
 
 def _fractions(text: str) -> Numbers:
-    fractions = []
+    found = []
     for word in words(text):
         upper, _, lower = word.partition("/")
         try:
-            fractions.append(float(upper) / float(lower or 1.0))
+            found.append(float(upper) / float(lower or 1.0))
         except (ValueError, ZeroDivisionError):
             raise typer.BadParameter(f"expected numbers such as 1/2 or 0.5, got {word!r}") from None
-    return tuple(fractions)
+    return tuple(found)
 
 
 @group
@@ -93,11 +93,11 @@ def settings_of(
     """Return the settings that a project has, or a new one, changed by what was typed: columns, robot, namespace."""
     from catenary.workflows.project.folder import ProjectSettings, project_settings
 
-    values = {**typed, **({} if arm is None else vars(arm)), "connection": ros and f"ros{ros}"}
-    values["test_minutes"] = None if hours is None else 60.0 * hours
-    changes: dict[str, Any] = {key: value for key, value in values.items() if value is not None}
-    stored = None if folder is None else project_settings(folder)
-    return replace(stored or ProjectSettings(), **changes)
+    given = {**typed, **({} if arm is None else vars(arm)), "connection": ros and f"ros{ros}"}
+    given["test_minutes"] = None if hours is None else 60.0 * hours
+    changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+    found = None if folder is None else project_settings(folder)
+    return replace(found or ProjectSettings(), **changes)
 
 
 def require_project(folder: Path) -> None:
@@ -116,8 +116,8 @@ def project_robot(project: "Project", access: RobotAccess, command: str) -> "Ite
     from catenary.workflows.robot.homing import AnswerYes
 
     connection = project.settings.connection
-    arguments = said_ros_arguments()
-    for typed, value in (("--ros-distro", arguments.distro), ("--transport", arguments.transport)):
+    said = said_ros_arguments()
+    for typed, value in (("--ros-distro", said.distro), ("--transport", said.transport)):
         if value is not None and connection != "ros2":
             raise InputError(f"{typed} {value}: goes with --ros 2; this project's robot is not on ROS 2")
     if connection == "simulation":
@@ -132,8 +132,8 @@ def project_robot(project: "Project", access: RobotAccess, command: str) -> "Ite
 
 def say_step(project: "Project", what: str, was_run: bool, content: Any) -> None:
     """Print the result of a step, or that it had been done before."""
-    text = f"{project.folder}: {what}{'' if was_run else ' before; nothing to do'}"
-    print_result({"project": str(project.folder), "run": was_run, **content}, text)
+    said = f"{project.folder}: {what}{'' if was_run else ' before; nothing to do'}"
+    print_result({"project": str(project.folder), "run": was_run, **content}, said)
 
 
 def step_progress(label: str, project: "Project") -> AbstractContextManager[Callable[[float], None]]:

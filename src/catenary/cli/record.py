@@ -61,12 +61,12 @@ def home(
     with chosen_robot(chosen, "home", moves=False, homed=False) as moved:
         guide = AnswerYes(announce) if access.yes or access.simulated else TerminalGuide()
         announce("homing ...")
-        homing = home_operated(moved, guide)
-    how = f"homed in {homing.seconds:.1f} s" if homing.was_run else "homed before; nothing has moved"
-    columns = {"now": homing.believed}
-    columns |= {} if homing.external_encoders is None else {"external encoder": homing.external_encoders}
-    title = f"{homing.robot}: {how}; {homing.state.state}\n"
-    print_result(homing.as_data(), title, joints_table(homing, columns, "Joints", 2))
+        found = home_operated(moved, guide)
+    how = f"homed in {found.seconds:.1f} s" if found.was_run else "homed before; nothing has moved"
+    columns = {"now": found.believed}
+    columns |= {} if found.external_encoders is None else {"external encoder": found.external_encoders}
+    title = f"{found.robot}: {how}; {found.state.state}\n"
+    print_result(found.as_data(), title, joints_table(found, columns, "Joints", 2))
 
 
 def excite(
@@ -104,8 +104,8 @@ def excite(
             moved.home(opened)
         with projects.step_progress("excite", opened) as progress:
             was_run = moved.record(opened, name, motion, what, after="home", progress=progress)
-    text = f"recorded {motion.duration:.0f} s as {name}"
-    projects.say_step(opened, text, was_run, {"seconds": motion.duration, "recording": name})
+    said = f"recorded {motion.duration:.0f} s as {name}"
+    projects.say_step(opened, said, was_run, {"seconds": motion.duration, "recording": name})
 
 
 def _write_refresh_motion(kind: "ProjectKind", out: Path) -> None:
@@ -120,8 +120,8 @@ def _write_refresh_motion(kind: "ProjectKind", out: Path) -> None:
     q, qd, qdd = (np.array(rows) for rows in zip(*map(motion, time.tolist()), strict=True))
     write_motion(out, Joints(kind.joints, model.joint_units[:n]), time, q, qd, qdd)
     content = {"file": str(out), "seconds": motion.duration, "joints": kind.joints}
-    text = f"{motion.duration:.0f} s of full reversals of {', '.join(kind.joints)}\nfile: {out}"
-    print_result(content, text)
+    said = f"{motion.duration:.0f} s of full reversals of {', '.join(kind.joints)}\nfile: {out}"
+    print_result(content, said)
 
 
 def record(
@@ -183,17 +183,17 @@ def _record_others(project: "Project", access: projects.RobotAccess, hours: floa
         before = 0.0 if left is None else left.begins
         if left is not None:
             print_notes([f"{name}: {left.gap(time.time_ns())}"])
-        records: list[RecordedTopics] = []
+        found: list[RecordedTopics] = []
 
         def work() -> None:
             needed = [topic.name for topic in kind.required]
             how: dict[str, Any] = {"about": about, "after": left, "progress": progress, "required": needed}
             with make_transport(connection.removeprefix("ros"), node_name("record")) as transport:
-                records.append(record_topics(transport, folder, kind.topics, seconds - before, **how))
+                found.append(record_topics(transport, folder, kind.topics, seconds - before, **how))
 
         motion = {**not_ours, "seconds": seconds, "begun_ns": time.time_ns()}
         opened.run(f"record {name}", motion, [folder], work)
-        (recorded,) = records
+        (recorded,) = found
         print_notes([note for count in recorded.counts if (note := count.note()) is not None])
         ended_by = recorded.ended_by
         what = f"recorded {before + recorded.seconds:.0f} s as {name}" + (f", ended by {ended_by}" if ended_by else "")

@@ -77,12 +77,12 @@ class RecordingOptions(MappingOptions):
             arm = catenary.load_robot(robot)
             names, own_units = arm.joint_names, arm.joint_units
         as_trained = not getattr(self, "as_is", False)
-        array, column_units = (None, ()) if self.units is None else units_of(self.units)
+        array, given = (None, ()) if self.units is None else units_of(self.units)
         mapping = self.read(self.units if array is None else None, robot=robot)
         typed = values_of(self, *(step.name for step in fields(Mend) if step.name != "units"))
         is_mended = self.units is not None and (mapping is None or array is not None)
         mend = Mend(units=(self.units or "",) if is_mended else (), **typed)
-        units = None if mapping is not None else si_units(column_units) or own_units
+        units = None if mapping is not None else si_units(given) or own_units
         return Reading(units=units, joint_names=names, mapping=mapping, mend=mend, as_trained=as_trained)
 
     def typed(self, robot: str | None) -> tuple[str, ...]:

@@ -133,8 +133,8 @@ def some_joint_values(
         raise InputError(f"--joints: {', '.join(unknown)}: expected some of {joints_text(robot)}")
     units = tuple(unit_of[name] for name in chosen)
     if len(chosen) != len(values) or not np.isfinite(values).all():
-        expected = joints_text(Joints(chosen, units))
-        raise InputError(f"{option}: expected {len(chosen)} finite numbers for {expected}, got {values.tolist()}")
+        wanted = joints_text(Joints(chosen, units))
+        raise InputError(f"{option}: expected {len(chosen)} finite numbers for {wanted}, got {values.tolist()}")
     if q_deg is not None:
         values = np.array([from_display(value, unit) for value, unit in zip(values, units, strict=True)])
     return values, chosen

@@ -33,10 +33,10 @@ def robots() -> None:
 
     with without_notes(True):  # those that a robot has when it is named
         models = [catenary.load_robot(name) for name in robot_names()]
-    content = [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
+    found = [{"name": m.name, "joints": m.joint_names, "units": m.joint_units, "tip": m.tip} for m in models]
     columns: list[Column] = ["name", ("joints", _kinds), "tip", ("joint names", _names_in_brief)]
     legend = "R: revolute, P: prismatic; catenary check ROBOT names joints with their limits"
-    print_result(content, Table(columns, models, "Robots", left=4), legend)
+    print_result(found, Table(columns, models, "Robots", left=4), legend)
 
 
 def _kinds(model: "catenary.RobotModel") -> str:
@@ -66,9 +66,9 @@ def fk(
     shown = {in_frame, "base"} if model.base == "base" else {in_frame}
     resting = [f for f in model.frames if model.frames[f].link < 0 and f not in shown]
     poses = {f: relative_pose(model, values, name, f) for f in (in_frame, *resting)}
-    request = {"robot": model.name, "q": values, "unit": model.joint_units, "frame": name, "in": in_frame}
+    asked = {"robot": model.name, "q": values, "unit": model.joint_units, "frame": name, "in": in_frame}
     others = {f: pose_numbers(pose) for f, pose in poses.items() if f != in_frame}
-    content = {**request, **pose_numbers(poses[in_frame]), "in_other_frames": others}
+    content = {**asked, **pose_numbers(poses[in_frame]), "in_other_frames": others}
     print_result(content, _pose_table("in", poses, f"{model.name}: pose of {name}"))
 
 
@@ -114,9 +114,9 @@ def ik(
     rng = np.random.default_rng(seed)
     solution = inverse_kinematics(model, base_pose, start, frame=name, match=match, rng=rng)
     reached = relative_pose(model, solution, name, in_frame)
-    request = {"robot": model.name, "q": solution, "unit": model.joint_units, "frame": name, "in": in_frame}
+    asked = {"robot": model.name, "q": solution, "unit": model.joint_units, "frame": name, "in": in_frame}
     unknown = {"quaternion": None, "rotation": None} if match == "position" else {}
-    content = {**request, "goal": pose_numbers(goal) | unknown, "reached": pose_numbers(reached)}
+    content = {**asked, "goal": pose_numbers(goal) | unknown, "reached": pose_numbers(reached)}
     rows = [
         [n, f"{v:.9g} {u}", in_words(v, u, 4)]
         for n, v, u in zip(model.joint_names, solution, model.joint_units, strict=True)

@@ -54,12 +54,12 @@ class ReplayOptions:
             )
         from catenary.recording.import_formats.imu_recording import read_imu
 
-        readings = read_imu(
+        found = read_imu(
             self.replay, topic=self.topic, columns=self.columns or (), time=self.time,
             matrices=reading.convention(), has_units=reading.has_units,
         )  # fmt: skip
-        print_notes(readings.notes)
-        return readings
+        print_notes(found.notes)
+        return found
 
     def calibrated(self, recording: "ImuRecording", known: "Mounting") -> "TumbleOutcome":
         """Calibrate the sensor by its rests in a recording."""
