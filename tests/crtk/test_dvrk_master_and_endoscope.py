@@ -1,5 +1,10 @@
 """A served MTM and ECM: what dVRK's classes and teleoperation use of them, call by call on a loopback."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -40,6 +45,26 @@ def verbs(arm):
 
 def wrench(*force):
     return WrenchStamped(wrench=Wrench(force=Vector3(*force)))
+
+
+@pytest.mark.slow
+def test_no_tick_of_a_prepared_arm_compiles(tmp_path: Path):
+    code = """
+from numba.core import event
+from catenary.nodes.serve import prepare_server
+from catenary.open_robot import Simulated, open_robot
+from served_robot import ServedDvrk
+mtm = ServedDvrk("dvrk_mtm", "MTMR", open_robot("dvrk_mtm", Simulated()))
+prepare_server(mtm.server)
+with event.install_recorder("numba:compile") as compiled:
+    mtm.joints("move_jp", mtm.setpoint + 1e-3)
+    mtm.say("/MTMR/servo_cp", mtm.last("/MTMR/setpoint_cp"))
+print(mtm.server.commands, [entry.data["dispatcher"] for _, entry in compiled.buffer])
+"""
+    caches = dict.fromkeys(("XDG_CACHE_HOME", "NUMBA_CACHE_DIR"), str(tmp_path))
+    python = {**os.environ, **caches, "PYTHONPATH": os.pathsep.join(sys.path)}
+    run = subprocess.run([sys.executable, "-c", code], env=python, capture_output=True, text=True, check=True)
+    assert run.stdout == "2 []\n"
 
 
 def test_each_kind_of_arm_has_its_own_topics_and_no_others(mtm, ecm):
