@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import message_class
-from catenary.crtk.message_values import pose_message, pose_of
+from catenary.crtk.message_values import command_message, pose_message, pose_of
 from catenary.errors import InputError
-from catenary.nodes.serve import Serving
+from catenary.nodes.serve import Serving, make_server
 from catenary.open_robot import Simulated, open_robot
 from catenary.spatial import Pose, rotation_from_rpy, rotation_from_vector, rotation_vector
 from served_robot import ServedDvrk, answered
@@ -190,3 +191,14 @@ def test_a_masters_motors_turn_its_parallelogram(mtm):
         input=[0.1, 0.2, 0.5, 0.1, 0.3, 0.2, 0.4],
     )  # fmt: skip
     assert_allclose(asked.output, [0.1, 0.2, 0.3, 0.1 - 0.6697 * 0.3, 0.3, 0.2, 0.4])
+
+
+def test_who_asks_for_a_state_has_the_joints_when_it_is_answered(mtm):
+    serving, transport = Serving("dvrk_mtm", "crtk", namespace="/lab/MTML"), Loopback("seldom", mtm.network)
+    server = make_server(serving, transport, rate_hz=1.0, plants={"MTML": mtm.plant})
+    server.tick()  # that publishes; the next one that does is due in a second
+    heard = mtm.client.subscribe("/lab/MTML/setpoint_js", "sensor_msgs/JointState")
+    command = mtm.commander.publisher("/lab/MTML/state_command", "crtk_msgs/StringStamped")
+    command.publish(command_message("enable", mtm.client.now()))
+    server.tick()
+    assert len(heard.take()) == 1

@@ -247,9 +247,11 @@ class Server:
             free = left - _COMMAND_COST_A_TICK // 2 if k < self._others else left
             count = min(len(source), TOPIC_COMMANDS_A_TICK, free // source.cost)
             left -= count * source.cost
-            if count and k < self._others:  # who asks for a state reads the robot next
+            if count and k < self._others:  # who asks for a state reads the robot next, as soon as it is answered
                 for lazy in self._heard:
                     lazy.watch()
+                if self.ticks % self._every:
+                    self._dialect.publish(self._stamps.next(self._due))
             for arrival in source.take(now, count) if count else ():
                 self.commands += 1
                 self._obey(source, arrival, now)
