@@ -505,7 +505,7 @@ _OBEYED: dict[str, Obey] = {
     "move_cr": lambda arm, message: arm.move(pose_move(arm, _moved(arm, message))),
     "hold": lambda arm, message: arm.hold(),
     "free": lambda arm, message: arm.go_limp(),
-    "jaw/servo_jp": lambda arm, message: arm.go_towards(arm.joints_at_opening(single_number(message))),
+    "jaw/servo_jp": lambda arm, message: arm.open_jaws(single_number(message)),
     "jaw/servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
     "jaw/servo_jf": _jaw_servo_jf,
     "jaw/move_jp": lambda arm, message: arm.move_jaw(joint_move(arm, arm.joints_at_opening(single_number(message)))),

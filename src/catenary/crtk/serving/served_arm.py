@@ -126,8 +126,21 @@ class ServedArm:
         self._go(q, min(self._steps + 1, self._follow_ticks))
 
     def go_towards(self, q: Floats, qd: Floats | None = None) -> None:
-        """Move towards q (n,) [rad|m] for at most 0.1 s, at the speed of qd (n,), all joints arriving together."""
-        self._go(q, self._follow_ticks, qd)
+        """Move towards q (n,) [rad|m] for at most 0.1 s, at the speed of qd (n,), all joints arriving together.
+
+        A separate jaw keeps its goal.
+        """
+        self._go(q if self._apart is None else np.append(q[:-1], self._apart[-1]), self._follow_ticks, qd)
+
+    def open_jaws(self, opening: float) -> None:
+        """Move the jaws towards an opening [rad] for at most 0.1 s; if they are separate, the arm keeps its goal."""
+        q = self.joints_at_opening(opening)
+        self._go(q if self._apart is None else np.append(self._apart[:-1], q[-1]), self._follow_ticks)
+
+    @property
+    def _apart(self) -> Floats | None:
+        """Goal (n,) of an arm with a separate jaw, which commands of the other leave as it is."""
+        return self._goal if self.tool.jaw_is_apart else None
 
     def _go(self, q: Floats, steps: int, qd: Floats | None = None) -> None:
         if self._goal is None:
