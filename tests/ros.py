@@ -10,6 +10,7 @@ import xmlrpc.client
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Protocol
 
 import pytest
@@ -135,15 +136,19 @@ class Network(Protocol):
 
 
 class Program:
-    """A Python program beside the tests; lines go in and come out."""
+    """A Python program beside the tests; lines go in and come out.
+
+    Its errors go to a file: a pipe that nobody reads would be full after some hundred lines, and the program would wait.
+    """
 
     def __init__(self, master: Network, code: str, *arguments: str, **environment: str) -> None:
+        self._errors = TemporaryFile("a+")  # noqa: SIM115  # it ends with the program
         self.process = subprocess.Popen(
             [sys.executable, "-u", "-c", PATIENT + code, *arguments],
             env={**master.environment, **environment},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stderr=self._errors,
             text=True,
             preexec_fn=_heed_interrupts,
         )
@@ -160,8 +165,8 @@ class Program:
         assert self.process.stdout is not None
         line = self.process.stdout.readline()
         if not line:
-            assert self.process.stderr is not None
-            raise AssertionError(f"the program ended: {self.process.stderr.read()}")
+            self.process.wait()
+            raise AssertionError(f"the program ended: {self.errors()}")
         return line.strip()
 
     def say(self, line: str) -> None:
@@ -185,4 +190,9 @@ class Program:
 
     def finish(self, seconds: float = 300.0) -> tuple[str, str]:
         """Wait for its end; give what it has printed since, and its errors."""
-        return self.process.communicate(timeout=seconds)
+        return self.process.communicate(timeout=seconds)[0], self.errors()
+
+    def errors(self) -> str:
+        """Return all that it has written as errors."""
+        self._errors.seek(0)
+        return self._errors.read()

@@ -82,27 +82,27 @@ class Snapshot(NamedTuple):
 
     def warnings(self) -> list[str]:
         """Return the warnings, most severe first."""
-        found: list[str] = []
+        texts: list[str] = []
         if self.silent is not None:
-            found.append(f"stale: {self.silent}")
+            texts.append(f"stale: {self.silent}")
         if self.operating is not None:
             if self.operating.state == "FAULT":
-                found.append(f"the robot is in FAULT: {self.fault or 'it does not say why'}")
+                texts.append(f"the robot is in FAULT: {self.fault or 'it does not say why'}")
             if not self.operating.is_homed and not self.operating.is_busy:
-                found.append("not homed: joint positions mean nothing")
+                texts.append("not homed: joint positions mean nothing")
         if np.isfinite(self.gravity_age) and self.gravity_age > _STALE_GRAVITY_S:
-            found.append(f"gravity is {self.gravity_age:.2f} s old")
+            texts.append(f"gravity is {self.gravity_age:.2f} s old")
         if self.inside is not None and not self.inside.all():
             names = [name for name, ok in zip(self.joint_names, self.inside, strict=True) if not ok]
-            found.append(f"outside the model's valid range: {', '.join(names)}")
+            texts.append(f"outside the model's valid range: {', '.join(names)}")
         if self.lower is not None and self.upper is not None:
             margin = np.array([_LIMIT_MARGINS[unit] for unit in self.joint_units])
             near = np.flatnonzero((self.q < self.lower + margin) | (self.q > self.upper - margin))
             if len(near):
-                found.append(f"near a limit: {', '.join(self.joint_names[j] for j in near)}")
+                texts.append(f"near a limit: {', '.join(self.joint_names[j] for j in near)}")
         if self.late:
-            found.append(f"{self.late} ticks of this program late within {_RATE_WINDOW_S:g} s")
-        return [*found, *self.notes]
+            texts.append(f"{self.late} ticks of this program late within {_RATE_WINDOW_S:g} s")
+        return [*texts, *self.notes]
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, SI; null for what is not known."""

@@ -1,5 +1,7 @@
 import json
+import os
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 from catenary.cli.exit_codes import EndedBySignal
+from catenary.cli.terminal import if_read
 from catenary.crtk import network
 from catenary.crtk.loopback import Loopback, LoopbackNetwork
 from catenary.crtk.message import header, message_class
@@ -69,6 +72,21 @@ def test_gravity_is_published_from_a_board(tmp_path: Path, monkeypatch: pytest.M
     assert final["status"] == "live"
     assert final["published"] == 151  # 1.5 s at 100 Hz, and the first
     assert final["link"]["samples"] == 150
+
+
+def test_a_loop_waits_for_nobody_who_reads_its_lines(monkeypatch: pytest.MonkeyPatch):
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    printed: list[str] = []
+    with os.fdopen(reader, "rb", 0) as lines, os.fdopen(writer, "wb", 0) as pipe, monkeypatch.context() as patch:
+        while pipe.write(bytes(2**16)):
+            pass
+        patch.setattr(sys, "stdout", pipe)
+        show = if_read(printed.append)
+        show("while the pipe is full")
+        lines.read(2**20)
+        show("when it was read")
+    assert printed == ["when it was read"]
 
 
 def test_a_topic_on_which_nothing_comes_is_told():

@@ -357,4 +357,8 @@ def test_a_client_moves_no_arm_whose_joints_two_programs_publish(transport, riva
             client.state_command("pause", timeout=0.1)
         rivals.kill()
         client.transport.sleep(0.6)
+        if (
+            "" in heard
+        ):  # rclpy before Kilted says of no message who sent it: a killed one is there until its lease ends
+            eventually(lambda: len(transport.other_publishers("/arm1/measured_js")) < 2, transport)
         client.servo_jp([0.2])

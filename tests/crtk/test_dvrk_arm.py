@@ -77,6 +77,16 @@ def test_a_servo_jp_of_the_arm_lets_a_jaw_that_moves_go_on(psm):
     assert psm.setpoint[0] > 0.1
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_servo_commands_of_arm_and_jaw_in_one_tick_both_act(psm, order):
+    goal = psm.setpoint[:6] + 150.0 * STEP
+    for _ in range(10):  # as dvrk_teleoperation.py sends them
+        for verb, q in (("servo_jp", goal), ("jaw/servo_jp", [0.5]))[::order]:
+            psm.joints(verb, q, 0.0)
+        psm.sleep(0.05)
+    assert_allclose(psm.setpoint, [*goal, 0.5], atol=1e-9)
+
+
 @pytest.mark.parametrize("stop", ["hold", "free"])
 def test_what_stops_the_arm_stops_the_jaw(psm, stop):
     psm.joints("jaw/move_jp", [1.0], 0.3)

@@ -1,13 +1,19 @@
 """A served MTM and ECM: what dVRK's classes and teleoperation use of them, call by call on a loopback."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from catenary.crtk.loopback import Loopback
 from catenary.crtk.message import message_class
-from catenary.crtk.message_values import pose_message, pose_of
+from catenary.crtk.message_values import command_message, pose_message, pose_of
 from catenary.errors import InputError
-from catenary.nodes.serve import Serving
+from catenary.nodes.serve import Serving, make_server
 from catenary.open_robot import Simulated, open_robot
 from catenary.spatial import Pose, rotation_from_rpy, rotation_from_vector, rotation_vector
 from served_robot import ServedDvrk, answered
@@ -40,6 +46,26 @@ def verbs(arm):
 
 def wrench(*force):
     return WrenchStamped(wrench=Wrench(force=Vector3(*force)))
+
+
+@pytest.mark.slow
+def test_no_tick_of_a_prepared_arm_compiles(tmp_path: Path):
+    code = """
+from numba.core import event
+from catenary.nodes.serve import prepare_server
+from catenary.open_robot import Simulated, open_robot
+from served_robot import ServedDvrk
+mtm = ServedDvrk("dvrk_mtm", "MTMR", open_robot("dvrk_mtm", Simulated()))
+prepare_server(mtm.server)
+with event.install_recorder("numba:compile") as compiled:
+    mtm.joints("move_jp", mtm.setpoint + 1e-3)
+    mtm.say("/MTMR/servo_cp", mtm.last("/MTMR/setpoint_cp"))
+print(mtm.server.commands, [entry.data["dispatcher"] for _, entry in compiled.buffer])
+"""
+    caches = dict.fromkeys(("XDG_CACHE_HOME", "NUMBA_CACHE_DIR"), str(tmp_path))
+    python = {**os.environ, **caches, "PYTHONPATH": os.pathsep.join(sys.path)}
+    run = subprocess.run([sys.executable, "-c", code], env=python, capture_output=True, text=True, check=True)
+    assert run.stdout == "2 []\n"
 
 
 def test_each_kind_of_arm_has_its_own_topics_and_no_others(mtm, ecm):
@@ -165,3 +191,14 @@ def test_a_masters_motors_turn_its_parallelogram(mtm):
         input=[0.1, 0.2, 0.5, 0.1, 0.3, 0.2, 0.4],
     )  # fmt: skip
     assert_allclose(asked.output, [0.1, 0.2, 0.3, 0.1 - 0.6697 * 0.3, 0.3, 0.2, 0.4])
+
+
+def test_who_asks_for_a_state_has_the_joints_when_it_is_answered(mtm):
+    serving, transport = Serving("dvrk_mtm", "crtk", namespace="/lab/MTML"), Loopback("seldom", mtm.network)
+    server = make_server(serving, transport, rate_hz=1.0, plants={"MTML": mtm.plant})
+    server.tick()  # that publishes; the next one that does is due in a second
+    heard = mtm.client.subscribe("/lab/MTML/setpoint_js", "sensor_msgs/JointState")
+    command = mtm.commander.publisher("/lab/MTML/state_command", "crtk_msgs/StringStamped")
+    command.publish(command_message("enable", mtm.client.now()))
+    server.tick()
+    assert len(heard.take()) == 1

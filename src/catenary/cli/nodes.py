@@ -17,13 +17,13 @@ from catenary.cli.options import REQUIRED, Triple, group, json_help, option, req
 from catenary.cli.out_files import TOOL, refuse_outputs
 from catenary.cli.recording_options import ACCEPT
 from catenary.cli.robot_options import CARRIER, SIMULATED_SEED, NodeOptions
-from catenary.cli.terminal import announce, print_json_line, print_notes, print_result, prints_json
+from catenary.cli.terminal import announce, if_read, print_json_line, print_notes, print_result, prints_json
 from catenary.crtk.dialects import DIALECTS
 from catenary.errors import InputError
 from catenary.units import in_words
 
 if TYPE_CHECKING:
-    from catenary.nodes.sensor_nodes import EncoderStatus, GravityStatus
+    from catenary.nodes.sensor_nodes import EncoderStatus, GravityStatus, SteppedNode
     from catenary.nodes.serve import ServerStatus, Serving
     from catenary.nodes.tool_node import ToolStatus
 
@@ -101,7 +101,7 @@ def serve(
         print_notes(
             [f"serving {server.published} topics in dialect {serving.dialect} {where}; Ctrl-C ends it{pressed}"]
         )
-        final = run(server, start=start, show=_show_json if prints_json() else _show, duration=duration)
+        final = run(server, start=start, show=if_read(_show_json if prints_json() else _show), duration=duration)
     arms = ", ".join(f"{name} {text}" for name, text in final.states.items())
     print_notes([f"ended by {final.ended_by or 'its duration'}: {arms}"])
     if prints_json():
@@ -163,16 +163,14 @@ def encoders(
     import numpy as np
 
     from catenary.devices.encoder_board import EncoderBoard, EncoderRig
-    from catenary.nodes.sensor_nodes import RATE, EncoderNode, publish
+    from catenary.nodes.sensor_nodes import RATE, EncoderNode
 
     rig = EncoderRig(bits=bits, direction=np.array(direction))
     with network.joined("encoders") as transport, EncoderBoard(port, rig) as board:
         board.wait_ready()
         node = EncoderNode(board, transport, state_topic=state)
         print_notes([f"{port}: counts come; home the robot, and its stops register the encoders"])
-        show = _shown(_encoder_line)
-        final = publish(node, rate_hz=RATE, duration=duration, show=show)
-    show(final, final=True)
+        final = _run(node, _encoder_line, RATE, duration)
     if not final.reading.is_valid:
         raise typer.Exit(FAULT_FOUND)
 
@@ -227,7 +225,7 @@ def gravity_node(
     from catenary.crtk.gravity_topic import GravityTopic
     from catenary.crtk.transforms import heard_pose
     from catenary.devices.accelerometer import SerialAccelerometer
-    from catenary.nodes.sensor_nodes import GravityNode, LevelBaseArm, publish
+    from catenary.nodes.sensor_nodes import GravityNode, LevelBaseArm
     from catenary.sensing.gravity_vector import Mailbox
     from catenary.sensing.mounting import Mounting, load_mounting
     from catenary.topics import SECOND
@@ -263,9 +261,7 @@ def gravity_node(
             transport, source, topic=published.topic, frame_id=published.frame, urscript=published.urscript,
             arm=arm, link=lambda: asdict(counts),
         )  # fmt: skip
-        show = _shown(_gravity_line)
-        final = publish(node, rate_hz=published.rate, duration=duration, show=show)
-    show(final, final=True)
+        _run(node, _gravity_line, published.rate, duration)
     if "live" not in node.tally.report().ticks:
         raise typer.Exit(FAULT_FOUND)
 
@@ -303,7 +299,6 @@ def tool_node(
     Example: catenary tool-node --tool tool.toml --gravity /gravity --ros 1
     Example: catenary tool-node --tool tool.toml --weigh 12 --robot ur10e --ros 2
     """
-    from catenary.nodes.sensor_nodes import publish
     from catenary.nodes.tool_node import TOOL_RATE, ToolNode
     from catenary.sensing.wrist_tool import load_tool, save_tool
 
@@ -324,9 +319,7 @@ def tool_node(
             weighed=lambda measured: save_tool(tool, replace(measured, robot=carrier)),
             **options,
         )
-        show = _shown(_tool_line)
-        final = publish(node, rate_hz=TOOL_RATE, duration=duration, show=show)
-    show(final, final=True)
+        final = _run(node, _tool_line, TOOL_RATE, duration)
     if not final.published:
         raise typer.Exit(FAULT_FOUND)
 
@@ -347,6 +340,18 @@ def _shown(line: Callable[[Any], tuple[str, Sequence[str]]]) -> Callable[..., No
             print_notes(printed)
 
     return show
+
+
+def _run(
+    node: "SteppedNode", line: Callable[[Any], tuple[str, Sequence[str]]], rate: float, duration: float | None
+) -> Any:
+    """Run a node at a rate [Hz] and print its status; return the last one."""
+    from catenary.nodes.sensor_nodes import publish
+
+    show = _shown(line)
+    last = publish(node, rate_hz=rate, duration=duration, show=if_read(show))
+    show(last, final=True)
+    return last
 
 
 def _encoder_line(status: "EncoderStatus") -> tuple[str, Sequence[str]]:

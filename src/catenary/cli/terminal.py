@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from select import select
 from shutil import get_terminal_size
 from textwrap import fill
 from typing import Any, TextIO
@@ -65,6 +66,20 @@ def _set_for_a_while(variable: ContextVar[Any], value: object) -> Iterator[None]
 def print_json_line(content: Any) -> None:
     """Print one JSON document on one line, so that a program can read each on arrival."""
     print(json.dumps(json.loads(json_text(content))), flush=True)
+
+
+def if_read(show: Callable[[Any], None]) -> Callable[[Any], None]:
+    """Return `show` for a loop: it prints nothing while that would wait, as for a stopped terminal or a full pipe."""
+
+    def shown(status: Any) -> None:
+        try:
+            takes_more = bool(select([], [sys.stdout], [], 0.0)[1])
+        except (OSError, ValueError):  # no file, or of a system that cannot tell
+            takes_more = True
+        if takes_more:
+            show(status)
+
+    return shown
 
 
 def print_result(content: Any, *parts: Any, notes: Sequence[str] = ()) -> None:

@@ -213,9 +213,9 @@ def press_button(transport: Transport) -> tuple[bool, str]:
         publisher.publish(message_class(SIGNAL)())
         for _ in range(500):
             for message, _ in heard.take():
-                said = message.data.removeprefix(_BUTTON_PREFIX)
-                if said != message.data:
-                    return f"{STARTS_TEXT};" in f"{message.data};", said
+                answer = message.data.removeprefix(_BUTTON_PREFIX)
+                if answer != message.data:
+                    return f"{STARTS_TEXT};" in f"{message.data};", answer
             transport.sleep(0.01)
     finally:
         heard.close()

@@ -57,8 +57,8 @@ class OtherCommanders:
             )
         if self._told is not None and len(self._told):
             for message, _ in self._told.take():  # as `Commander.require_free` says it
-                said, is_held, _ = message.data.partition(f" {_HOLDS_TEXT}")
-                refused, _, holder = said.rpartition(" has to wait: ")
+                text, is_held, _ = message.data.partition(f" {_HOLDS_TEXT}")
+                refused, _, holder = text.rpartition(" has to wait: ")
                 if is_held and refused.rpartition(" ")[2].rpartition("/")[2] == self._transport.name:
                     raise RobotHeldError(f"{holder} {_HOLDS_TEXT}; the robot refused this program's commands")
 
@@ -130,9 +130,9 @@ class Commander:
 
     def _was_under_way(self, gone: int) -> bool:
         """Return True if a program that left at `gone` [ns] was moving the arm at its end."""
-        least, most = gone - self._heard - self._stood, gone - self._heard + self._stood
+        shortest, longest = gone - self._heard - self._stood, gone - self._heard + self._stood
         return any(
-            least < (lapse + _LEASE_LATENESS_NS if lapse else _UNDER_WAY_NS) and most >= lapse - _UNDER_WAY_NS
+            shortest < (lapse + _LEASE_LATENESS_NS if lapse else _UNDER_WAY_NS) and longest >= lapse - _UNDER_WAY_NS
             for lapse in self._transport.lapses
         )
 
@@ -179,7 +179,7 @@ def _two_robots(topic: str, processes: Iterable[str]) -> str:
 def another_robot(transport: Transport, topics: Sequence[str]) -> str:
     """Return who else publishes one of the topics of joints that this program serves, in words; empty: nobody."""
     others = {topic: transport.other_publishers(topic) for topic in topics}
-    return next((_two_robots(*found) for found in others.items() if found[1]), "")
+    return next((_two_robots(*entry) for entry in others.items() if entry[1]), "")
 
 
 def require_no_other_robot(transport: Transport, topics: Sequence[str]) -> None:

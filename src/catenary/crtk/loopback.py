@@ -25,8 +25,8 @@ class LoopbackNetwork:
 
     def publishers(self, topic: str) -> dict[str, "LoopbackPublisher"]:
         """Return who publishes a topic, by the transport's name."""
-        found = {name: one.publishes.get(topic) for name, one in sorted(self.transports.items())}
-        return {name: cast(LoopbackPublisher, one) for name, one in found.items() if one and not one.is_closed}
+        by_node = {name: one.publishes.get(topic) for name, one in sorted(self.transports.items())}
+        return {name: cast(LoopbackPublisher, one) for name, one in by_node.items() if one and not one.is_closed}
 
     def heard(self, topic: str) -> dict[str, HeardTopic]:
         """Return who receives a topic, by the transport's name."""
@@ -122,8 +122,8 @@ class Loopback(Transport):
             ]
 
     def _others(self, topic: str) -> frozenset[str]:
-        found = self.network.publishers(topic).items()
-        return frozenset(one.origin.process for name, one in found if name != self.name)
+        by_node = self.network.publishers(topic).items()
+        return frozenset(one.origin.process for name, one in by_node if name != self.name)
 
     def close(self) -> None:
         """Leave the network."""

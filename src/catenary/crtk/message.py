@@ -185,8 +185,8 @@ def _joint_state_writer(encoding: Encoding) -> Callable[[Message], bytes]:
             return write(message)
         data = bytearray(front(head.frame_id, names))
         pack_stamp(data, place, *_seconds(head.stamp))
-        for given in arrays:
-            array = _array(given, floats, 0)
+        for values in arrays:
+            array = _array(values, floats, 0)
             data += _COUNT.pack(len(array))
             if len(array):
                 data += bytes((origin - len(data)) % size) + array.tobytes()
@@ -291,8 +291,8 @@ def _completion(name: str, encoding: Encoding) -> _Change:
         return lambda given: kind()
     values_of = attrgetter(*(field.name for field in parts))
 
-    def complete(given: Any) -> Message:
-        values = [values_of(given)] if len(parts) == 1 else list(values_of(given))
+    def complete(fields: Any) -> Message:
+        values = [values_of(fields)] if len(parts) == 1 else list(values_of(fields))
         for k, change in changes:
             values[k] = change(values[k])
         return kind._make((*lacking, *values) if lacking else values)

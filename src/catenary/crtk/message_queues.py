@@ -165,7 +165,7 @@ class Subscription:
                 waiting, self._waiting = self._waiting, deque()
             else:
                 waiting = deque(self._waiting.popleft() for _ in range(most))
-        return [found for arrival in waiting if (found := self._decoded(arrival)) is not None]
+        return [decoded for arrival in waiting if (decoded := self._decoded(arrival)) is not None]
 
     def forget(self) -> int:
         """Drop what waits, and return how many messages that were."""

@@ -38,8 +38,8 @@ def joint_state_message(
         position, velocity, effort: (n,) [rad|m], [rad/s|m/s], [Nm|N]; empty to leave it out.
     """
     values = []
-    for field, given in zip(_NUMBERS, (position, velocity, effort), strict=True):
-        array = as_array(field, given, (None,))
+    for field, numbers in zip(_NUMBERS, (position, velocity, effort), strict=True):
+        array = as_array(field, numbers, (None,))
         if len(array) not in (0, len(names)):
             raise InputError(f"{field}: expected {len(names)} numbers, one per joint, got {len(array)}")
         values.append(array)
@@ -65,25 +65,25 @@ def joint_values(
         rest: Numbers of joints that are not named (n,); None refuses them.
     """
     values = as_array(f"JointState.{field}", getattr(message, field), (None,))
-    given = tuple(message.name)
-    if given and given != names and len(given) <= 2 * len(names):
-        given = _own_names(given, names)
-    if len(given) > 2 * len(names):  # no need to compare so many one by one
-        raise InputError(f"JointState.name: {len(given)} names, expected {', '.join(names)}")
-    if not given:
+    named = tuple(message.name)
+    if named and named != names and len(named) <= 2 * len(names):
+        named = _own_names(named, names)
+    if len(named) > 2 * len(names):  # no need to compare so many one by one
+        raise InputError(f"JointState.name: {len(named)} names, expected {', '.join(names)}")
+    if not named:
         if len(values) < len(names):
             raise InputError(
                 f"JointState.{field}: {len(values)} numbers without names, expected {len(names)}: {', '.join(names)}"
             )
         return values[: len(names)]
-    if len(values) != len(given):
-        raise InputError(f"JointState.{field}: {len(values)} numbers for {len(given)} names {', '.join(given)}")
-    if given == names:
+    if len(values) != len(named):
+        raise InputError(f"JointState.{field}: {len(values)} numbers for {len(named)} names {', '.join(named)}")
+    if named == names:
         return values
-    by_name = dict(zip(given, values, strict=True))
-    unknown = [name for name in given if name not in names]
+    by_name = dict(zip(named, values, strict=True))
+    unknown = [name for name in named if name not in names]
     absent = [] if rest is not None else [name for name in names if name not in by_name]
-    twice = sorted({name for name in given if given.count(name) > 1})
+    twice = sorted({name for name in named if named.count(name) > 1})
     if unknown or absent or twice:
         faults = [("unknown", unknown), ("missing", absent), ("given twice", twice)]
         text = "; ".join(f"{fault}: {', '.join(which)}" for fault, which in faults if which)
@@ -94,10 +94,10 @@ def joint_values(
 
 
 @lru_cache(maxsize=64)
-def _own_names(given: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
+def _own_names(named: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
     """Return names of a message as ours where they are a RAVEN-II's: gold_ins for insertion, whichever arm's it is."""
     own = []
-    for name in given:
+    for name in named:
         short = name.removeprefix("gold_").removeprefix("green_")
         short = "insertion" if short == "ins" else short
         own.append(short if name not in names and short in names else name)

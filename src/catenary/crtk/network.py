@@ -77,18 +77,18 @@ def parse_ros_arguments(words: Sequence[str]) -> RosArguments:
     """Return the remappings of `-r FROM:=TO` (`--remap`), the last of each."""
     topics: dict[str, str] = {}
     node, namespace = None, "/"
-    rest = list(words)
-    while rest:
-        word = rest.pop(0)
+    remaining = list(words)
+    while remaining:
+        word = remaining.pop(0)
         if word not in ("-r", "--remap"):
             raise InputError(f"{BEGIN}: {word}: expected -r FROM:=TO; parameters and others have no effect here")
-        rule = rest.pop(0) if rest else ""
-        old, found, new = rule.partition(":=")
+        rule = remaining.pop(0) if remaining else ""
+        old, separator, new = rule.partition(":=")
         if old in _NODE and _WORD.fullmatch(new):
             node = new
         elif old == "__ns" and (new == "/" or new.startswith("/")) and _TOPIC.fullmatch(new.lstrip("/") or "a"):
             namespace = new
-        elif found and not old.startswith("__") and _TOPIC.fullmatch(old) and _TOPIC.fullmatch(new):
+        elif separator and not old.startswith("__") and _TOPIC.fullmatch(old) and _TOPIC.fullmatch(new):
             topics[f"/{old.lstrip('/')}"] = f"/{new.lstrip('/')}"
         else:
             raise InputError(
@@ -130,16 +130,16 @@ class TransportKind:
     def __str__(self) -> str:
         return f"{self.name}: {self.words}"
 
-    def suits(self, said: RosArguments) -> bool:
+    def suits(self, arguments: RosArguments) -> bool:
         """Return True if the transport is chosen where none is named."""
-        is_told = said.distro is None and os.environ.get("ROS_DISTRO") not in _TELLING_NO_SENDER
+        is_told = arguments.distro is None and os.environ.get("ROS_DISTRO") not in _TELLING_NO_SENDER
         return is_told or not self.is_of_a_distribution
 
-    def make(self, name: str, said: RosArguments = _NOTHING_SAID, **options: Any) -> "Transport":
+    def make(self, name: str, arguments: RosArguments = _NOTHING_SAID, **options: Any) -> "Transport":
         """Join as node `name`, `options` its class's own; refused without its packages, its distribution, or Linux."""
         if self.ros != "none":
             require_linux(f"ROS {self.ros}")
-        if self.is_of_a_distribution and said.distro is not None:
+        if self.is_of_a_distribution and arguments.distro is not None:
             raise InputError(f"--ros-distro: does not go with --transport {self.name}, which is of one distribution")
         module, _, word = self.made_by.partition(":")
         try:
@@ -150,7 +150,7 @@ class TransportKind:
             raise MissingPackageError(f"transport {self.name}: {error}. {self.advice or to_install('ros2')}") from error
         if self.is_of_a_distribution and os.environ.get("ROS_DISTRO") in _TELLING_NO_SENDER:
             _logger.warning("this %s does not identify senders: two programs may command an arm", self.name)
-        return made(name, arguments=said, **options) if self.ros == "2" else made(name, **options)
+        return made(name, arguments=arguments, **options) if self.ros == "2" else made(name, **options)
 
 
 _KINDS = (
@@ -178,23 +178,23 @@ def make_transport(ros: str, name: str) -> "Transport":
     Args:
         ros: "1", "2", as `said_ros_arguments` configure it, or "none": nothing beyond this program.
     """
-    said = said_ros_arguments()
+    arguments = said_ros_arguments()
     if ros not in CARRIERS:
         raise InputError(f'ros "{ros}": expected {", ".join(CARRIERS[:-1])} or {CARRIERS[-1]}')
-    if ros != "2" and said != _NOTHING_SAID:
+    if ros != "2" and arguments != _NOTHING_SAID:
         raise InputError(f"--transport, --ros-distro and --ros-args go with ROS 2, not with --ros {ros}")
-    if said.transport not in (None, *BY_ROS2):
-        raise InputError(f'--transport "{said.transport}": expected one of {", ".join(BY_ROS2)}')
-    if said.transport is not None:
-        return BY_ROS2[said.transport].make(name, said)
-    *others, last = (kind for kind in _KINDS if kind.ros == ros and kind.suits(said))
+    if arguments.transport not in (None, *BY_ROS2):
+        raise InputError(f'--transport "{arguments.transport}": expected one of {", ".join(BY_ROS2)}')
+    if arguments.transport is not None:
+        return BY_ROS2[arguments.transport].make(name, arguments)
+    *others, last = (kind for kind in _KINDS if kind.ros == ros and kind.suits(arguments))
     for kind in others:
         try:
-            return kind.make(name, said)
+            return kind.make(name, arguments)
         except MissingPackageError as error:
             if find_spec(kind.name) is not None:
                 _logger.warning("ROS 2 by %s, not by the %s that is there: %s", last.name, kind.name, error)
-    return last.make(name, said)
+    return last.make(name, arguments)
 
 
 def node_name(program: str, given: str | None = None) -> str:

@@ -45,15 +45,15 @@ _Origins = dict[bytes, Origin]  # by the number of a topic's end
 
 
 def _origins(listed: list[Any]) -> _Origins:
-    found = {}
+    origins = {}
     for one in listed:
         gid = bytes(one.endpoint_gid)
         node = f"{one.node_namespace.rstrip('/')}/{one.node_name}"
         if one.node_name.startswith(_NAMELESS):
             node = f"{UNNAMED_NODE}{gid[:_PROGRAM].hex()}"
         is_latching = one.qos_profile.durability == _LATCHED[1]
-        found[gid] = Origin(f"{node} {gid[:_PROGRAM].hex()}", sys.intern(gid.hex()), is_latching)
-    return found
+        origins[gid] = Origin(f"{node} {gid[:_PROGRAM].hex()}", sys.intern(gid.hex()), is_latching)
+    return origins
 
 
 def _names(origins: _Origins) -> tuple[str, ...]:
@@ -136,8 +136,8 @@ class _ReadTopic(HeardTopic):
             named = [one for one in listed if not one.node_name.startswith(_NAMELESS)]
             named += [one for one in listed if now - self._seen.setdefault(bytes(one.endpoint_gid), now) > _NAMING]
             self._publishers = _origins(named)
-            found = [(one.qos_profile.reliability, one.qos_profile.durability) for one in named]
-            offered = {one if one[0] == _USUAL[0] else _POOR for one in found} or {_USUAL}
+            qualities = [(one.qos_profile.reliability, one.qos_profile.durability) for one in named]
+            offered = {one if one[0] == _USUAL[0] else _POOR for one in qualities} or {_USUAL}
             for quality in () if self._is_ended else offered - self._readers.keys():
                 profile = _profile(UNTAKEN_MESSAGES, quality)
                 self._readers[quality] = self._node.create_subscription(
@@ -270,11 +270,11 @@ class RclpyTransport(Transport):
 
     def _others(self, topic: str) -> frozenset[str]:
         listed = self.node.get_publishers_info_by_topic(self.node.resolve_topic_name(topic))
-        found, ours = {one.process for one in _origins(listed).values()}, self._publishers.get(topic)
+        processes, ours = {one.process for one in _origins(listed).values()}, self._publishers.get(topic)
         if ours is not None and not ours.is_closed:  # it is one of its name; which one, rclpy does not say
             node = self.node.get_fully_qualified_name()
-            found.discard(next((one for one in found if one.partition(" ")[0] == node), ""))
-        return frozenset(found)
+            processes.discard(next((one for one in processes if one.partition(" ")[0] == node), ""))
+        return frozenset(processes)
 
     def close(self) -> None:
         """End the node."""

@@ -154,9 +154,9 @@ class CrtkReader(NeverMoved):
         II's when None. A tick is `period` [s]; a state older than `stale_after` [s] is refused. Gravity comes from a
         topic of `catenary gravity-node`, nominal when None; `simulated` says what topics do not.
         """
-        found = raven_joints(arm) if joints is None else joints
-        self.joint_names, self.joint_units = found.joint_names, found.joint_units
-        self._lower, self._upper = found.lower, found.upper
+        names_and_limits = raven_joints(arm) if joints is None else joints
+        self.joint_names, self.joint_units = names_and_limits.joint_names, names_and_limits.joint_units
+        self._lower, self._upper = names_and_limits.lower, names_and_limits.upper
         self.transport, self.arm, self.namespace = transport, arm, namespace
         self.dialect = dialect_named(dialect)
         self.period, self.stale_after, self.simulated = period, stale_after, simulated

@@ -246,11 +246,11 @@ def find_topic(dialect: str, verb: str, arm: Arm | None = None, namespace: str |
         arm: Side of a RAVEN-II; the robot when None.
     """
     listed: tuple[CrtkTopic, ...] = dialect_named(dialect).topics(arm, namespace)
-    found = next((topic for topic in listed if topic.verb == verb), None)
-    if found is None:
+    match = next((topic for topic in listed if topic.verb == verb), None)
+    if match is None:
         verbs = sorted(topic.verb for topic in listed)
         raise InputError(
             f'dialect {dialect}, {"the robot" if arm is None else f"{arm} arm"}: no topic for "{verb}"; '
             f"there are {', '.join(verbs) or 'none'}"
         )
-    return found
+    return match

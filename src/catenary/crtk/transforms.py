@@ -48,12 +48,12 @@ class TransformTree:
 
     def _to_root(self, name: str) -> dict[str, Pose]:
         """Return the pose of a frame in itself, its parent and so on; the root comes last."""
-        found = {name: identity_pose()}
-        while name in self._parents and self._parents[name][0] not in found:
+        poses = {name: identity_pose()}
+        while name in self._parents and self._parents[name][0] not in poses:
             parent, pose = self._parents[name]
-            found[parent] = pose @ found[name]
+            poses[parent] = pose @ poses[name]
             name = parent
-        return found
+        return poses
 
 
 def recorded_pose(path: Path, base: str, frame: str) -> Pose:

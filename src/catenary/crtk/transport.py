@@ -237,9 +237,9 @@ class Transport(ABC):
         if not self.has_services:
             raise TransportError(f'transport "{self.name}" carries no services: programs of ROS 2 differ in theirs')
         service_md5_sum(type_name)  # refuses unknown types
-        asked, answer = (codec(f"{type_name}{half}", self.encoding) for half in ("Request", "Response"))
+        request, answer = (codec(f"{type_name}{half}", self.encoding) for half in ("Request", "Response"))
         name = absolute(name)
-        self._serve(name, type_name, lambda data: answer.encode(handler(asked.decode(data))))
+        self._serve(name, type_name, lambda data: answer.encode(handler(request.decode(data))))
 
     def poll(self, timeout: float = 0.0) -> int:
         """Run services for calls that have come; wait for the first up to `timeout` [s]; return how many ran."""
@@ -259,10 +259,10 @@ class Transport(ABC):
 
     def publishing(self) -> Mapping[str, frozenset[str]]:
         """Return the processes that publish each topic, as `Arrival.process` names them."""
-        found: dict[str, set[str]] = {}
+        publishers: dict[str, set[str]] = {}
         for topic, _, process in self._published():
-            found.setdefault(topic, set()).add(process)
-        return {topic: frozenset(processes) for topic, processes in found.items()}
+            publishers.setdefault(topic, set()).add(process)
+        return {topic: frozenset(processes) for topic, processes in publishers.items()}
 
     def other_publishers(self, topic: str) -> frozenset[str]:
         """Return the other processes that publish a topic, half a second ago at most; crashed ones for `lapses`."""
@@ -299,19 +299,19 @@ class Transport(ABC):
 
     def _polled(self, answer: Answer, data: bytes) -> bytes:
         """Return a service's answer, which `poll` finds in its own thread."""
-        found: Future[bytes] = Future()
+        result: Future[bytes] = Future()
 
         def run() -> None:
             try:
-                found.set_result(answer(data))
+                result.set_result(answer(data))
             except Exception as error:  # the caller gets it, the server lives on
-                found.set_exception(error)
+                result.set_exception(error)
 
         self.inbox.put(run)
-        while not wait([found], 0.1).done:
+        while not wait([result], 0.1).done:
             if self.inbox.closed:
                 raise TransportError("the server was closed")
-        return found.result()
+        return result.result()
 
     def close(self) -> None:
         """End all publishers, subscriptions and services."""
@@ -346,19 +346,19 @@ class Transport(ABC):
         """Have messages pushed into a subscription, as its decoder reads them; the type is as the program spells it."""
         topic = subscription.topic
         with self._heard_lock:
-            found = self._heard.get(topic)
-            if found is None:
+            heard = self._heard.get(topic)
+            if heard is None:
                 self._refuse_other_type(topic, type_name)
-                found = self._heard[topic] = self._hear(topic, type_name)
-            elif found.type_name != subscription.type_name:
-                raise other_type(topic, type_name, found.type_name)
-            found.add(subscription)
+                heard = self._heard[topic] = self._hear(topic, type_name)
+            elif heard.type_name != subscription.type_name:
+                raise other_type(topic, type_name, heard.type_name)
+            heard.add(subscription)
         subscription.leave = lambda: self._unsubscribe(topic, subscription)
 
     def _unsubscribe(self, topic: str, subscription: Subscription) -> None:
         with self._heard_lock:
-            found = self._heard.get(topic)
-            if found is not None and found.remove(subscription):
+            heard = self._heard.get(topic)
+            if heard is not None and heard.remove(subscription):
                 self._heard.pop(topic).end()
 
     @abstractmethod
@@ -367,9 +367,9 @@ class Transport(ABC):
 
     def _refuse_other_type(self, topic: str, type_name: str) -> None:
         """Refuse a topic that somebody publishes as another type."""
-        found = self.topics().get(topic)
-        if found is not None and found != current_name(type_name):
-            raise other_type(topic, type_name, found)
+        published = self.topics().get(topic)
+        if published is not None and published != current_name(type_name):
+            raise other_type(topic, type_name, published)
 
     # of those that have services
 
@@ -415,8 +415,8 @@ def wait_until_settled(seen: Callable[[], object], settle: float) -> None:
     begin = last = time.monotonic()
     known = None
     while (now := time.monotonic()) - last < settle and now - begin < _LONGEST_SETTLE_S:
-        if (found := seen()) != known:
-            known, last = found, now
+        if (state := seen()) != known:
+            known, last = state, now
         time.sleep(0.02)
 
 
@@ -427,6 +427,6 @@ def absolute(name: str) -> str:
     return "/" + name.strip("/")
 
 
-def other_type(topic: str, wanted: str, found: str) -> TransportError:
+def other_type(topic: str, expected: str, published: str) -> TransportError:
     """Return the error of a topic that carries another type than was asked for."""
-    return TransportError(f"topic {topic} carries {found}, expected {wanted}; one topic cannot carry two types")
+    return TransportError(f"topic {topic} carries {published}, expected {expected}; one topic cannot carry two types")

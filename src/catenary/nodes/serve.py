@@ -14,7 +14,7 @@ from catenary.control.realtime import RealTime
 from catenary.crtk.dialects import DIALECTS
 from catenary.crtk.reader import NeverMoved
 from catenary.crtk.serving.reports import Reports
-from catenary.crtk.serving.served_arm import ServedArm
+from catenary.crtk.serving.served_arm import ServedArm, joint_move
 from catenary.crtk.serving.server import ServedEncoders, Server
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import console_topics, crtk_topics
@@ -156,6 +156,7 @@ def prepare_server(server: Server) -> None:
     server.tick()
     for arm in server.arms.values():
         arm.tool.prepare()
+        joint_move(arm, arm.tool.middle(arm.setpoint.q))()(0.0)
 
 
 def serve(

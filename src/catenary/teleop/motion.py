@@ -83,11 +83,11 @@ class TeleopMotion:
             self._q = None
             return None, ()
         start = np.array(q) if self._q is None else self._q
-        asked, velocity = np.zeros(len(start)), np.zeros(6)  # relative speeds of joints and of the tip
+        speeds, velocity = np.zeros(len(start)), np.zeros(6)  # relative speeds of joints and of the tip
         for key, share in self._shares.items():
-            steps, (place, sign) = (asked, self._moves[key]) if key in self._moves else (velocity, _TIP_AXES[key])
+            steps, (place, sign) = (speeds, self._moves[key]) if key in self._moves else (velocity, _TIP_AXES[key])
             steps[place] += sign * share
-        own = self.speed * period * self._full_speed * asked
+        own = self.speed * period * self._full_speed * speeds
         tip = period * self._joint_velocity(start, self.speed * _TIP_SPEED_M_S * velocity)
         # a joint beyond a limit, as after homing against a stop, may return
         low, high = np.minimum(self._lower, start), np.maximum(self._upper, start)

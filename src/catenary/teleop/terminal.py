@@ -44,10 +44,10 @@ class KeyReader:
                 key = "escape"
             if key and key.isprintable():
                 keys.append(key)
-        rest = text[end:]
+        remaining = text[end:]
         if not data and now - self._since > _SEQUENCE_WITHIN_S:  # timeout
-            return [*keys, "escape"] if rest == _ESCAPE else keys
-        self._rest = rest if len(rest) <= _SEQUENCE_CHARACTERS else ""
+            return [*keys, "escape"] if remaining == _ESCAPE else keys
+        self._rest = remaining if len(remaining) <= _SEQUENCE_CHARACTERS else ""
         return keys
 
 

@@ -11,7 +11,6 @@ import os
 import random
 import signal
 import tempfile
-import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -65,8 +64,6 @@ def served(ros: str) -> tuple[Any, Any, Any]:
     options = ("serve", "--ros", ros, "--rate", "200", "--homed")
     server = stack.enter_context(Program(network, PROGRAM, *options))
     server.line()
-    for lines in (server.process.stdout, server.process.stderr):  # its status, which would fill a pipe
-        threading.Thread(target=lambda lines=lines: [*map(len, lines)], daemon=True).start()
     transport = stack.enter_context(make_transport(ros, NODE))
     watch = CrtkClient(transport, stale_after=PATIENCE, connect_timeout=PATIENCE)
     return network, server, stack.enter_context(watch)

@@ -24,9 +24,9 @@ class Ticking:
     """A server that ticks in a thread, at its robot's rate where the machine has the time."""
 
     def __init__(self, serving: Serving, transport: DdsTransport) -> None:
-        self.plant = homed_psm() if serving.is_psm else homed_plant("left")
+        self.plant = homed_psm() if serving.kind.dvrk else homed_plant("left")
         plants = {"PSM1": self.plant}
-        if not serving.is_psm:
+        if not serving.kind.dvrk:
             plants = {"gold": self.plant, "green": ParkedArm(JOINTS, UNITS, self.plant.firmware.home_value)}
         self.server = make_server(serving, transport, plants=plants)
         self.transport, self._ends = transport, threading.Event()

@@ -71,8 +71,8 @@ def dds_type(name: str) -> str:
 
 def ros_type(name: str) -> str:
     """Return the message type that DDS calls so; a name that is none of ROS's as it is."""
-    found = _TYPE.fullmatch(name)
-    return current_name(f"{found[1]}/{found[2]}") if found else name
+    match = _TYPE.fullmatch(name)
+    return current_name(f"{match[1]}/{match[2]}") if match else name
 
 
 class Distribution(NamedTuple):
@@ -167,6 +167,8 @@ _PROGRAMS = 120  # on one machine that find each other without multicast
 _SAID_EVERY = "1 s"  # that a program is there: to those that came later, and hear only what is sent to them
 _FAST_DDS = "1.15"  # its vendor's number; from version 3 on (Kilted) both disagree on what is said of types
 _MESSAGE_BYTES = 2**26  # of a message from the network
+# [B] Linux keeps 208 KiB for a computer out of reach; where no more fits, a writer waits, up to 2 s
+_UNSENT_BYTES = 2**20
 _logger = logging.getLogger(__name__)
 _domains: dict[int, Domain | None] = {}  # a process has each once, until it ends; None: somebody else's in it
 _lock = threading.Lock()
@@ -183,35 +185,35 @@ def domain_number() -> int:
 def enter_domain() -> int:
     """Set up the domain of this process, where that has not been done; return its number."""
     number = domain_number()
-    said, rmw = (os.environ.get(name, "") for name in ("CYCLONEDDS_URI", "RMW_IMPLEMENTATION"))
+    uri, rmw = (os.environ.get(name, "") for name in ("CYCLONEDDS_URI", "RMW_IMPLEMENTATION"))
     if "zenoh" in rmw:
         _logger.warning("RMW_IMPLEMENTATION is %s, which does not use DDS: its programs are not received here", rmw)
     with _lock:
         error: Exception | None = None
-        for interfaces in _interfaces(said) if number not in _domains else ():
+        for interfaces in _interfaces(uri) if number not in _domains else ():
             try:
-                _domains[number] = Domain(number, ",".join(part for part in (_settings(interfaces), said) if part))
+                _domains[number] = Domain(number, ",".join(part for part in (_settings(interfaces), uri) if part))
                 return number
-            except (DDSException, UnicodeError) as found:
-                if getattr(found, "code", None) == DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
+            except (DDSException, UnicodeError) as failure:
+                if getattr(failure, "code", None) == DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
                     _domains[number] = None  # set up before by another part of this program
                     return number
-                error = found
+                error = failure
     if error is not None:
         raise TransportError(
-            f'DDS domain {number} (ROS_DOMAIN_ID) cannot be entered: {error} CYCLONEDDS_URI is "{said}"'
+            f'DDS domain {number} (ROS_DOMAIN_ID) cannot be entered: {error} CYCLONEDDS_URI is "{uri}"'
         ) from error
     return number
 
 
-def _interfaces(said: str) -> tuple[str, ...]:
+def _interfaces(uri: str) -> tuple[str, ...]:
     """Return settings of which interfaces to use, to be tried in turn; what a user `said`, in text or files, overrules.
 
     Loopback is named, last: else programs of this machine that keep to it are not seen when they come later.
     """
-    files = re.findall(r"(?:^|,)\s*(?:file://)?([^<,\s][^,]*)", said)
+    files = re.findall(r"(?:^|,)\s*(?:file://)?([^<,\s][^,]*)", uri)
     read = (Path(place) for place in files if os.access(place, os.R_OK))
-    texts = (said, *(one.read_text(encoding="utf-8", errors="replace") for one in read if one.is_file()))
+    texts = (uri, *(one.read_text(encoding="utf-8", errors="replace") for one in read if one.is_file()))
     if _range() == "SYSTEM_DEFAULT" or any("NetworkInterface" in text for text in texts):
         return ("",)
     routes = Path("/proc/net/route")
@@ -224,24 +226,25 @@ def _interfaces(said: str) -> tuple[str, ...]:
 
 def _settings(interfaces: str) -> str:
     wide = _range()
-    found = f"<Internal><MaxSampleSize>{_MESSAGE_BYTES} B</MaxSampleSize></Internal>"
-    found += f"<Compatibility><IgnoreTypeInformation>{_FAST_DDS}</IgnoreTypeInformation></Compatibility>"
+    settings = f"<Internal><MaxSampleSize>{_MESSAGE_BYTES} B</MaxSampleSize>"
+    settings += f'<SocketSendBufferSize max="{_UNSENT_BYTES} B"/></Internal>'
+    settings += f"<Compatibility><IgnoreTypeInformation>{_FAST_DDS}</IgnoreTypeInformation></Compatibility>"
     multicast = "<AllowMulticast>false</AllowMulticast>" if wide in ("LOCALHOST", "OFF") else ""
-    found += f"<General>{interfaces}{multicast}</General>"
+    settings += f"<General>{interfaces}{multicast}</General>"
     if wide == "OFF":
         tag = f"<Tag>ros_discovery_off_{os.getpid()}</Tag>"  # nobody else has this one
-        found += f"<Discovery><ParticipantIndex>none</ParticipantIndex>{tag}</Discovery>"
+        settings += f"<Discovery><ParticipantIndex>none</ParticipantIndex>{tag}</Discovery>"
     elif wide != "SYSTEM_DEFAULT":
         peers = [*(["localhost"] if wide == "LOCALHOST" else []), *_peers()]
         places = "".join(f'<Peer address="{peer}"/>' for peer in peers)
         # Cyclone complains of each time that a static peer is not reached
         often = "" if _peers() else f"<SPDPInterval>{_SAID_EVERY}</SPDPInterval>"
-        found += (
+        settings += (
             f"<Discovery><ParticipantIndex>auto</ParticipantIndex>"
             f"<MaxAutoParticipantIndex>{_PROGRAMS}</MaxAutoParticipantIndex>{often}"
             f"{f'<Peers>{places}</Peers>' if places else ''}</Discovery>"
         )
-    return f"<CycloneDDS><Domain>{found}</Domain></CycloneDDS>"
+    return f"<CycloneDDS><Domain>{settings}</Domain></CycloneDDS>"
 
 
 def _reaches_others() -> bool:
@@ -259,11 +262,11 @@ def _range() -> str:
 
 
 def _peers() -> list[str]:
-    found = [peer.strip() for peer in os.environ.get("ROS_STATIC_PEERS", "").split(";") if peer.strip()]
-    for peer in found:
+    peers = [peer.strip() for peer in os.environ.get("ROS_STATIC_PEERS", "").split(";") if peer.strip()]
+    for peer in peers:
         if any(character in "<>&\"'" or character.isspace() for character in peer):
             raise InputError(f'ROS_STATIC_PEERS: "{peer}": expected addresses, with semicolons between them')
-    return found
+    return peers
 
 
 _NO_WAIT_NS = 0  # [ns] that a publisher waits for its readers
@@ -497,10 +500,10 @@ class Program:
 
     def ends(self, known: Mapping[int, Endpoint], handles: Iterable[int]) -> list[Endpoint]:
         """Return the endpoints of these handles; they are looked up only where one is unknown."""
-        found = [handle % _HANDLES for handle in handles]
-        if not known.keys() >= set(found):
+        unsigned = [handle % _HANDLES for handle in handles]
+        if not known.keys() >= set(unsigned):
             self.look()
-        return [known[handle] for handle in found if handle in known]
+        return [known[handle] for handle in unsigned if handle in known]
 
     def close(self) -> None:
         """Leave the domain."""

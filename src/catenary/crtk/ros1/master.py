@@ -87,9 +87,9 @@ class Master:
 
     def publishing(self) -> dict[str, frozenset[str]]:
         """As `publisher_names`, each with a space and its URI behind its name."""
-        found = self.publisher_names()
-        whole = {name: f"{name} {self.node(name) or ''}" for names in found.values() for name in names}
-        return {topic: frozenset(whole[name] for name in names) for topic, names in found.items()}
+        publishers = self.publisher_names()
+        whole = {name: f"{name} {self.node(name) or ''}" for names in publishers.values() for name in names}
+        return {topic: frozenset(whole[name] for name in names) for topic, names in publishers.items()}
 
     def topics(self) -> dict[str, str]:
         """Topics that somebody publishes, and their types as the publisher spells them."""
@@ -134,9 +134,9 @@ def bound_to_all(environment: Mapping[str, str]) -> str | None:
     name = next((environment[key] for key in ("ROS_HOSTNAME", "ROS_IP") if environment.get(key)), "")
     if name == "localhost" or name.startswith("127.") or name == "::1":
         return None
-    said = f"only says what others call it ({name})" if name else "ROS_IP and ROS_HOSTNAME are not set"
+    reason = f"only says what others call it ({name})" if name else "ROS_IP and ROS_HOSTNAME are not set"
     return (
-        f"this ROS 1 node listens on all addresses of this machine: {said}, and ROS 1 has no authentication; "
+        f"this ROS 1 node listens on all addresses of this machine: {reason}, and ROS 1 has no authentication; "
         "ROS_IP=127.0.0.1 restricts it to this machine"
     )
 

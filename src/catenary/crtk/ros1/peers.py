@@ -80,7 +80,7 @@ def _pass_over(topic: str, buffer: BytesIO, sock: Any) -> None:
     takes = _takes.get(topic)
     if takes(size) if takes is not None else size <= MESSAGE_BYTES:
         return
-    rest = buffer.getvalue()[_LENGTH.size + size : end]
+    remaining = buffer.getvalue()[_LENGTH.size + size : end]
     buffer.seek(0)
     buffer.truncate()
     if size > MESSAGE_BYTES:
@@ -91,7 +91,7 @@ def _pass_over(topic: str, buffer: BytesIO, sock: Any) -> None:
         if not came:
             raise TransportTerminated(f"{topic}: ended within a message")
         left -= came
-    buffer.write(rest)
+    buffer.write(remaining)
 
 
 def _read_greeting(sock: Any, buffer: BytesIO, size: int) -> dict[str, str]:
@@ -102,8 +102,8 @@ def _read_greeting(sock: Any, buffer: BytesIO, size: int) -> dict[str, str]:
     (length,) = _LENGTH.unpack(head)
     if length > _GREETING:
         raise rosgraph.network.ROSHandshakeException(f"a header of {length} bytes was announced")
-    said = head + sock.recv(length, socket.MSG_WAITALL)  # one that is cut off is refused
-    return rosgraph.network.decode_ros_handshake_header(said)
+    greeting = head + sock.recv(length, socket.MSG_WAITALL)  # one that is cut off is refused
+    return rosgraph.network.decode_ros_handshake_header(greeting)
 
 
 class _Peer:
@@ -270,10 +270,10 @@ class RosTopic(HeardTopic):
 
 
 def _missed(peers: Iterable[_Peer]) -> Counter[str]:
-    found: Counter[str] = Counter()
+    missed: Counter[str] = Counter()
     for peer in peers:
-        found[str(peer.connection.endpoint_id)] += peer.overflowed
-    return found
+        missed[str(peer.connection.endpoint_id)] += peer.overflowed
+    return missed
 
 
 def _connections(topic: Any) -> list[Any]:

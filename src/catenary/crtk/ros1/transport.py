@@ -92,8 +92,8 @@ class Ros1Transport(Transport):
                 yield topic, current_name(types[topic]), process
 
     def _others(self, topic: str) -> frozenset[str]:
-        found: frozenset[str] = self.node.others(topic)
-        return found
+        processes: frozenset[str] = self.node.others(topic)
+        return processes
 
     def lost(self, topic: str) -> frozenset[str]:
         """Return programs that the master lists still, half a second ago at most, and that are not connected."""

@@ -104,8 +104,8 @@ class CommandSource:
 
     def _is_fresh(self, arrival: Arrival, now: int) -> bool:
         message = arrival.message
-        said = message.string.strip() if self.topic.type == COMMAND else self.topic.verb
-        if said in _ALWAYS_OBEYED:
+        command = message.string.strip() if self.topic.type == COMMAND else self.topic.verb
+        if command in _ALWAYS_OBEYED:
             return True
         stamp = stamp_of(message)
         if stamp:

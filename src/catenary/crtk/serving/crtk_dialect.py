@@ -70,17 +70,17 @@ class Event(NamedTuple):
     message: Callable[[Any, int], Message]  # of it, and of a stamp [ns]
 
 
-def _desired_state(arm: ServedArm) -> str:
-    """Return the state that it is in or on its way to, in the dVRK's words: an arm that homes is to be HOMED."""
-    state = arm.state
-    return "HOMED" if state.state == "ENABLED" and (state.is_homed or state.is_busy) else state.state
-
-
 def _current_state(arm: ServedArm) -> str:
     state = arm.state
     if state.state != "ENABLED" or not (state.is_homed or state.is_busy):
         return state.state
     return "HOMED" if state.is_homed else "HOMING"
+
+
+def _desired_state(arm: ServedArm) -> str:
+    """Return the state that it is in or on its way to, in the dVRK's words."""
+    state = _current_state(arm)
+    return "HOMED" if state == "HOMING" else state
 
 
 def _ratio(arm: ServedArm) -> float:
@@ -375,13 +375,13 @@ def _jaw_servo_jf(arm: ServedArm, message: Message) -> None:
 
 def _numbers(arm: ServedArm, message: Message, field: str = "position", *, rest: Floats | None = None) -> Floats:
     """Return a command's numbers (n,); joints that it does not name get those of `rest` (n,), as does a jaw apart."""
-    given, names, n = len(getattr(message, field)), arm.reported, len(arm.reported)
-    if not message.name and given != n:
-        raise InputError(f"{given} numbers in `{field}`, expected {n}: {', '.join(names)}")
-    asked = joint_values(message, names, field, rest=None if rest is None else rest[:n])
+    count, names, n = len(getattr(message, field)), arm.reported, len(arm.reported)
+    if not message.name and count != n:
+        raise InputError(f"{count} numbers in `{field}`, expected {n}: {', '.join(names)}")
+    values = joint_values(message, names, field, rest=None if rest is None else rest[:n])
     if n == len(arm.names):
-        return asked
-    return np.concatenate([asked, np.zeros(len(arm.names) - n) if rest is None else rest[n:]])
+        return values
+    return np.concatenate([values, np.zeros(len(arm.names) - n) if rest is None else rest[n:]])
 
 
 def _goal(arm: ServedArm, message: Message) -> Floats:
@@ -429,8 +429,8 @@ def _servo_js(arm: ServedArm, message: Message) -> None:
 
     Without modes it is what the message has. Joints of no mode stay.
     """
-    n, given = len(arm.reported), (message.position, message.velocity, message.effort)
-    whole = sum(bit for bit, numbers in zip((_POSITION, _VELOCITY, _EFFORT), given, strict=True) if len(numbers))
+    n, arrays = len(arm.reported), (message.position, message.velocity, message.effort)
+    whole = sum(bit for bit, numbers in zip((_POSITION, _VELOCITY, _EFFORT), arrays, strict=True) if len(numbers))
     modes = np.array([mode.value for mode in message.mode] or [whole] * (len(message.name) or n))
     if len(modes) != (len(message.name) or n):
         raise InputError(f"servo_js: {len(modes)} modes, expected {len(message.name) or n}: one per joint")
@@ -505,7 +505,7 @@ _OBEYED: dict[str, Obey] = {
     "move_cr": lambda arm, message: arm.move(pose_move(arm, _moved(arm, message))),
     "hold": lambda arm, message: arm.hold(),
     "free": lambda arm, message: arm.go_limp(),
-    "jaw/servo_jp": lambda arm, message: arm.go_towards(arm.joints_at_opening(single_number(message))),
+    "jaw/servo_jp": lambda arm, message: arm.open_jaws(single_number(message)),
     "jaw/servo_jr": lambda arm, message: arm.increment(arm.jaw_increments(single_number(message))),
     "jaw/servo_jf": _jaw_servo_jf,
     "jaw/move_jp": lambda arm, message: arm.move_jaw(joint_move(arm, arm.joints_at_opening(single_number(message)))),

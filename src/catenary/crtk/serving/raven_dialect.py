@@ -8,7 +8,7 @@ from catenary.arrays import Floats, as_array
 from catenary.crtk.message import Message, header, message_class
 from catenary.crtk.message_values import joint_values, named_joints, operating_state_message, pose_of, rotation_of
 from catenary.crtk.serving.dialect import Dialect, MakeMessage, Obey, Publishers, jaw, joints_and_tool, single_number
-from catenary.crtk.serving.served_arm import JAW_JOINTS, ServedArm, servo_pose, servo_pose_increment
+from catenary.crtk.serving.served_arm import ServedArm, servo_pose, servo_pose_increment
 from catenary.crtk.serving.state_machine import robot_state
 from catenary.crtk.topic_names import GRAV_DIR, RAVEN_TOPICS, CrtkTopic
 from catenary.errors import InputError
@@ -65,13 +65,13 @@ class RavenState:
         telemetry, unknown = arm.plant.telemetry(), np.zeros(len(channels))
 
         def rows(names: Iterable[str]) -> list[Floats]:
-            found = (telemetry.get(name, unknown) for name in names)
-            return [row if len(row) == len(channels) else unknown for row in found]
+            values = (telemetry.get(name, unknown) for name in names)
+            return [row if len(row) == len(channels) else unknown for row in values]
 
         joints = [measured.q, measured.qd, setpoint.q, *rows(_TELEMETRY)]
         self._floats[:, channels] = self._factors * joints
         self._counts[:, channels] = rows(_COUNTS)
-        arrays["grasp_d"][place] = setpoint.q[-JAW_JOINTS:].sum()
+        arrays["grasp_d"][place] = setpoint.q[-arm.tool.jaws :].sum()
         # velocity and angular velocity of the tool in its own axes; the robot, too, sends them twice
         twist = (arm.measured_tool.twist.reshape(2, 3) @ arm.measured_tool.pose.rotation).ravel()
         for twice in ("jac_vel", "jac_f"):
@@ -115,10 +115,10 @@ class RavenDialect(Dialect):
     def __init__(self, arms: Mapping[str, ServedArm], _: object = None) -> None:
         """Speak for arms of seven joints, both of them; its topics are fixed."""
         for name in ("gold", "green"):
-            found = 0 if name not in arms else len(arms[name].names)
-            if found != len(_RVIZ):
+            count = 0 if name not in arms else len(arms[name].names)
+            if count != len(_RVIZ):
                 raise InputError(
-                    f"dialect raven: the {name} arm has {found} joints, expected {len(_RVIZ)}; other robots speak crtk"
+                    f"dialect raven: the {name} arm has {count} joints, expected {len(_RVIZ)}; other robots speak crtk"
                 )
         super().__init__(arms, RAVEN_TOPICS, _PUBLISHED, _OBEYED)
         self._leader = next((arm for arm in arms.values() if arm.machine.can_change), arms["gold"])

@@ -22,9 +22,6 @@ from catenary.trajectories.smoothed_path import go_to
 _INCREMENTS_A_TICK = 4
 _BACKLOG_S = 0.25  # [s] longest wait of an increment
 _FOLLOW_S = 0.1  # [s] watchdog: time after the last command in which a goal, velocity or torque acts
-
-
-JAW_JOINTS = 2  # joints, the last ones
 BASE_FRAME = "base"  # frame of all poses
 _SETPOINT_SPEED = {"rad": 2.5, "m": 0.05}  # [rad/s], [m/s] largest of a setpoint: 0.0025 rad, 0.05 mm per millisecond
 _LEAST_BUSY_S = 0.05  # [s] CRTK's Python client waits for a busy state and its end, even of a move of zero length
@@ -129,8 +126,21 @@ class ServedArm:
         self._go(q, min(self._steps + 1, self._follow_ticks))
 
     def go_towards(self, q: Floats, qd: Floats | None = None) -> None:
-        """Move towards q (n,) [rad|m] for at most 0.1 s, at the speed of qd (n,), all joints arriving together."""
-        self._go(q, self._follow_ticks, qd)
+        """Move towards q (n,) [rad|m] for at most 0.1 s, at the speed of qd (n,), all joints arriving together.
+
+        A separate jaw keeps its goal.
+        """
+        self._go(q if self._apart is None else np.append(q[:-1], self._apart[-1]), self._follow_ticks, qd)
+
+    def open_jaws(self, opening: float) -> None:
+        """Move the jaws towards an opening [rad] for at most 0.1 s; if they are separate, the arm keeps its goal."""
+        q = self.joints_at_opening(opening)
+        self._go(q if self._apart is None else np.append(self._apart[:-1], q[-1]), self._follow_ticks)
+
+    @property
+    def _apart(self) -> Floats | None:
+        """Goal (n,) of an arm with a separate jaw, which commands of the other leave as it is."""
+        return self._goal if self.tool.jaw_is_apart else None
 
     def _go(self, q: Floats, steps: int, qd: Floats | None = None) -> None:
         if self._goal is None:
@@ -205,15 +215,15 @@ class ServedArm:
         """Setpoint (n,) after all waiting increments, from which relative poses start."""
         return np.sum([self.setpoint.q, *(dq for dq, _ in self._increments)], axis=0)
 
-    def increment_along(self, dq: Floats) -> None:
-        """Add an increment dq (n,) [rad|m], scaled so that no joint exceeds its clamp and the direction is kept."""
+    def scaled(self, dq: Floats) -> Floats:
+        """Return a tick's motion dq (n,) [rad|m], so small that no joint exceeds its clamp, in its own direction."""
         with np.errstate(divide="ignore"):
-            self.increment(dq * min(1.0, float((self.most / np.abs(dq)).min())))
+            return dq * min(1.0, float((self.most / np.abs(dq)).min()))
 
     def whole(self, q: Floats) -> Floats:
         """Return positions (n,) with those of joint states; a jaw that these lack keeps its setpoint or goal."""
-        rest = self.setpoint.q if self._jaw is None else self._jaw[0](self._jaw[0].duration).q
-        return np.append(q, rest[len(q) :])
+        setpoint = self.setpoint.q if self._jaw is None else self._jaw[0](self._jaw[0].duration).q
+        return np.append(q, setpoint[len(q) :])
 
     def require_inside(self, q: Floats) -> None:
         """Refuse positions (n,) [rad|m] beyond the joints' limits."""
@@ -363,12 +373,12 @@ class ServedArm:
         self._push = None
         yield self.measured.q  # the firmware holds where the arm is
 
-    def _report_limits(self, asked: Floats) -> None:
+    def _report_limits(self, requested: Floats) -> None:
         """Report torques that differ from those requested, with the joint's position."""
         acts = self.measured.tau
-        for j in np.flatnonzero(np.abs(acts - asked) > 1e-3 * (1.0 + np.abs(asked))):
+        for j in np.flatnonzero(np.abs(acts - requested) > 1e-3 * (1.0 + np.abs(requested))):
             text = (
-                f'joint "{self.names[j]}": torque {asked[j]:.4g} requested, {acts[j]:.4g} applied, at '
+                f'joint "{self.names[j]}": torque {requested[j]:.4g} requested, {acts[j]:.4g} applied, at '
                 f"{self.measured.q[j]:.4g} {self.plant.joint_units[j]} of [{self.lower[j]:.4g}, {self.upper[j]:.4g}]"
             )
             self.reports.say(f"{self.arm}: limited", text, self.reports_time, to=(self.arm,))
@@ -439,14 +449,12 @@ def servo_pose(arm: ServedArm, pose: Pose, twist: Floats | None = None) -> None:
 def servo_pose_increment(arm: ServedArm, step: Floats, turn: Floats) -> None:
     """Move the tool by a step (3,) [m] and turn it by a rotation vector (3,) [rad], both in base axes."""
     q = arm.commanded
-    arm.increment_along(_joints_beside(arm, q, step, turn) - q)
+    arm.increment(arm.scaled(_joints_beside(arm, q, step, turn) - q))
 
 
 def servo_twist(arm: ServedArm, twist: Floats) -> None:
     """Move the tool at a velocity and angular velocity (6,) in base axes [m/s, rad/s], for 0.1 s."""
-    qd = _speeds(arm, twist)
-    with np.errstate(divide="ignore"):
-        arm.run_at(qd * min(1.0, float((arm.most / arm.plant.period / np.abs(qd)).min())))
+    arm.run_at(arm.scaled(_speeds(arm, twist) * arm.plant.period) / arm.plant.period)
 
 
 def _speeds(arm: ServedArm, twist: Floats) -> Floats:

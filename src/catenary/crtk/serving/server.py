@@ -157,13 +157,13 @@ class Server:
         self._every = publish_every
         self._stamps = Stamps(transport.clock)
         begin, published, processes = transport.steady(), transport.topics(), transport.publishing()
-        wanted = dialect.topics
+        topics = dialect.topics
         self._sources = [
             CommandSource(
                 transport, topic, reports, begin=begin, waits=topic.name in published,
                 old=processes.get(topic.name, frozenset()),
             )
-            for topic in wanted if topic.direction == "in"
+            for topic in topics if topic.direction == "in"
         ]  # fmt: skip
         # state commands first, so that commands sent after a `resume` are obeyed in the same tick
         self._sources.sort(key=lambda source: not source.topic.commands_state)
@@ -173,10 +173,10 @@ class Server:
         self._arrivals = 0  # messages processed or waiting
         self._is_behind = False  # messages are waiting
         self.publishers = {
-            (topic.verb, topic.arm): LazyPublisher(transport, topic) for topic in wanted if topic.direction == "out"
+            (topic.verb, topic.arm): LazyPublisher(transport, topic) for topic in topics if topic.direction == "out"
         }
         dialect.begin(self.publishers)
-        for topic in wanted:
+        for topic in topics:
             if topic.verb == "state_command" and topic.arm is not None:
                 arms[topic.arm].place = topic.name.rpartition("/")[0]
         self._diagnostics = Diagnostics(transport, arms, reports)
@@ -247,9 +247,11 @@ class Server:
             free = left - _COMMAND_COST_A_TICK // 2 if k < self._others else left
             count = min(len(source), TOPIC_COMMANDS_A_TICK, free // source.cost)
             left -= count * source.cost
-            if count and k < self._others:  # who asks for a state reads the robot next
+            if count and k < self._others:  # who asks for a state reads the robot next, as soon as it is answered
                 for lazy in self._heard:
                     lazy.watch()
+                if self.ticks % self._every:
+                    self._dialect.publish(self._stamps.next(self._due))
             for arrival in source.take(now, count) if count else ():
                 self.commands += 1
                 self._obey(source, arrival, now)
@@ -265,12 +267,12 @@ class Server:
 
     def press_button(self) -> list[str]:
         """Press the silver button; return its effect on each arm."""
-        said = []
+        answers = []
         for name, arm in self.arms.items():
             if arm.machine.can_change:
                 refused = arm.machine.press_button()
-                said.append(f"{name}: {refused}" if refused else f"{name}{STARTS_TEXT}")
-        return said
+                answers.append(f"{name}: {refused}" if refused else f"{name}{STARTS_TEXT}")
+        return answers
 
     def start(self) -> None:
         """Press the silver button; enable and home the arms of a robot without one."""
@@ -284,12 +286,12 @@ class Server:
 
     def clients(self) -> set[str]:
         """Names of the programs that subscribe or send commands."""
-        found: set[str] = set()
+        names: set[str] = set()
         for lazy in self._heard:
-            found.update(self.transport.connections(lazy.topic.name).subscribers)
+            names.update(self.transport.connections(lazy.topic.name).subscribers)
         for source in self._sources:
-            found.update(self.transport.connections(source.topic.name).publishers)
-        return found
+            names.update(self.transport.connections(source.topic.name).publishers)
+        return names
 
     @property
     def published(self) -> int:
@@ -302,9 +304,9 @@ class Server:
         return dict(sum((Counter(lazy.publisher.missed) for lazy in self._heard), Counter()))
 
     def _pressed(self, request: Message) -> Message:
-        said = self.press_button()
+        answers = self.press_button()
         return message_class(f"{BUTTON_TYPE}Response")(
-            success=any(text.endswith(STARTS_TEXT) for text in said), message="; ".join(said)
+            success=any(text.endswith(STARTS_TEXT) for text in answers), message="; ".join(answers)
         )
 
     def _obey(self, source: CommandSource, arrival: Arrival, now: int) -> None:

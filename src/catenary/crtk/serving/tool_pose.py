@@ -63,12 +63,12 @@ class ToolPose:
         """Return joints (n,) that bring the tool to a pose, the nearest to some, with their opening of the jaws."""
         self.require_reach(pose)
         start = np.clip(self.to_model @ near, self.model.lower, self.model.upper)
-        found = inverse_kinematics(self.model, pose, start, max_iterations=steps)
+        q = inverse_kinematics(self.model, pose, start, max_iterations=steps)
         if self.model.n == _ECM_JOINTS:
-            turn = forward_kinematics(self.model, found).rotation.T @ pose.rotation
-            found[-1] += atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
-            found = np.clip(found, self.model.lower, self.model.upper)
-        return self.from_model @ found + near - self.from_model @ (self.to_model @ near)
+            turn = forward_kinematics(self.model, q).rotation.T @ pose.rotation
+            q[-1] += atan2(turn[1, 0] - turn[0, 1], turn[0, 0] + turn[1, 1])
+            q = np.clip(q, self.model.lower, self.model.upper)
+        return self.from_model @ q + near - self.from_model @ (self.to_model @ near)
 
     def require_reach(self, pose: Pose) -> None:
         """Refuse a pose farther away than the arm is long, before anything is worked out."""
@@ -184,10 +184,10 @@ def torques_for(tool: ToolState, wrench: Floats, frame: FrameOfForces) -> Floats
 
 def _twist_map(pose: Pose, frame: FrameOfForces) -> Floats:
     """Return the matrix from a twist of the tool in base axes to one in a frame, (6, 6)."""
-    found = np.eye(6)
+    matrix = np.eye(6)
     if frame is FrameOfForces.BODY:
-        found[:3, :3] = found[3:, 3:] = pose.rotation.T
+        matrix[:3, :3] = matrix[3:, 3:] = pose.rotation.T
     elif frame is FrameOfForces.SPATIAL:
         x, y, z = pose.position
-        found[:3, 3:] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]  # v at the origin = v + p x omega
-    return found
+        matrix[:3, 3:] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]  # v at the origin = v + p x omega
+    return matrix
