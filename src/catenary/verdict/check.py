@@ -15,9 +15,9 @@ from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
-from catenary.verdict.command_response import MOVED_DEG_MM, Pairs, pairs_of, scales
+from catenary.verdict.command_response import MOVED_BY_OTHERS_DEG_MM, MOVED_DEG_MM, Pairs, pairs_of, scales
 from catenary.verdict.corrections import NO_MEND, Mend
-from catenary.verdict.correspondence import correspondence_findings, joints_in_place
+from catenary.verdict.correspondence import correspondence_findings, joints_in_place, proportional_findings
 from catenary.verdict.delay import Delay
 from catenary.verdict.finding import FINDINGS, Finding, judge, require_names
 from catenary.verdict.sensor_faults import (
@@ -120,7 +120,10 @@ def judged(
             break
         mend = more
     if (pairs := pairs_of(mended)) is not None:  # single rows, after faults of all rows, which look like outliers
-        single = *outlier_findings(mended), *coarse_findings(pairs), *filled_findings(mended), *missing_findings(mended)
+        single = [
+            *outlier_findings(mended), *coarse_findings(pairs), *filled_findings(mended), *missing_findings(mended),
+            *proportional_findings(pairs),
+        ]  # fmt: skip
         wrong = {joint for finding in seen if finding.refuses for joint in finding.joints}
         found += _as_if(mend, begun, (finding for finding in single if wrong.isdisjoint(finding.joints)), found)
     found += [each for _, each in repeated_findings([mended])] * alone
@@ -318,8 +321,6 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
 
 _MIN_ROWS = 40  # smallest number of measured rows for cross-validation over blocks
 _MIN_DURATION_S = 5.0  # [s] too short for an arm to visit its workspace
-# a wrist's cables couple its joints: on a real arm, moving one alone turns the other by 16 deg
-_MOVED_BY_OTHERS_DEG_MM = {"rad": 20.0, "m": 10.0}  # [deg, mm] largest motion of a joint by other joints' commands
 
 
 def extent_findings(log: MotionLog) -> Iterator[Finding]:
@@ -355,7 +356,7 @@ def extent_findings(log: MotionLog) -> Iterator[Finding]:
             if np.ptp(column) == 0.0 and command > MOVED_DEG_MM:
                 says = f"every measurement is {column[0]:.4g} {shown}, while the command moves by {command:.3g}"
                 yield Finding("constant", (name,), says, "a channel without a sensor")
-            elif command == 0.0 and span > _MOVED_BY_OTHERS_DEG_MM[unit]:
+            elif command == 0.0 and span > MOVED_BY_OTHERS_DEG_MM[unit]:
                 says = f"every command is the same, while the measurement moves by {span:.3g} {shown}"
                 yield Finding("constant", (name,), says, "a channel that was not recorded")
     for what, values in (("torque", log.tau), ("velocity", log.qd)):

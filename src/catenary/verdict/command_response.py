@@ -22,6 +22,13 @@ _REVERSAL_SHARE = 0.05  # share of a joint's range that it must go back by for a
 _STRETCHES, _STRETCH_ROWS, _STRETCH_S = 8, 2000, 60.0
 MOVED_DEG_MM = 1.0  # [deg, mm] least range of a joint that counts as moved: below it, encoders and cameras see noise
 
+# a wrist's cables couple its joints: on a real arm, moving one alone turns the other by 16 deg
+MOVED_BY_OTHERS_DEG_MM = {"rad": 20.0, "m": 10.0}  # [deg, mm] largest motion of a joint by other joints' commands
+# Of a joint that others pull: its command's range in such motions, the unexplained share of variance, the slope, where
+# it follows no command by such a correlation and slope near one. Untouched windows of 75 poses: 1.5, .056, -.21.
+_PULLED_RATIO, _MAX_PULLED_UNEXPLAINED, _MIN_PULLED_SLOPE = 2.0, 0.1, -0.25
+_FOLLOWING, _WHOLE_WITHIN = 0.95, 0.15
+
 
 def scales(log: MotionLog) -> Floats:
     """Return the factors of joint positions to deg and mm, (n,)."""
@@ -124,6 +131,17 @@ def behind_slack(pairs: Pairs, i: int, own: int, allowed: tuple[float, float], *
         if left < best_left:
             best, best_left = slope, left
     return BehindSlack(best, best_left, of_cables)
+
+
+def is_pulled(pairs: Pairs, i: int, own: int) -> bool:
+    """Return whether a joint's command moves so little that other joints' friction explains how it moves instead."""
+    little = _PULLED_RATIO * MOVED_BY_OTHERS_DEG_MM[pairs.log.joint_units[i]]
+    follows = np.abs(pairs.correlation[i]) > _FOLLOWING
+    whole = np.abs(np.abs(pairs.slope[i]) - 1.0) < _WHOLE_WITHIN  # as far as a command: another joint's column
+    if np.ptp(pairs.q[:, own]) > little or follows[own] or np.any(follows & whole):
+        return False
+    moves = behind_slack(pairs, i, own, (0.0, np.inf), shared=False)
+    return moves.unexplained < _MAX_PULLED_UNEXPLAINED and moves.slope > _MIN_PULLED_SLOPE
 
 
 def pairs_of(log: MotionLog) -> Pairs | None:

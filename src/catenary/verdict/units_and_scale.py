@@ -8,7 +8,7 @@ import numpy as np
 from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
-from catenary.verdict.command_response import MOVED_DEG_MM, Pairs, behind_slack, scales
+from catenary.verdict.command_response import MOVED_DEG_MM, Pairs, behind_slack, is_pulled, scales
 from catenary.verdict.finding import Finding
 
 _MIN_CORRELATION = 0.5  # correlation from which a slope means something
@@ -21,8 +21,8 @@ _LESS_MOTION_RATIO, _MORE_MOTION_RATIO = 2.5, 1.5
 _UNIT_FACTOR_RATIO = 2.5
 _MAX_SLOPE = 1.15  # slope: no cable makes a joint move farther than this for its motor
 _MIN_SLOPE = 0.4  # slope: the most hysteretic wrist loses half of its motion
-# slack that takes motion away also loosens the relation: a slope this low with a correlation this high is no slack
-_MIN_TIGHT_SLOPE, _TIGHT_CORRELATION = 0.85, 0.999
+# the same where slack, friction and other joints explain all but this share of a measurement: then they take none away
+_MIN_TIGHT_SLOPE, _TIGHT_UNEXPLAINED = 0.85, 0.002
 _LIMIT_MARGIN_SHARE = 0.25  # of its range by which a joint may leave its limits
 # times a joint's limit, within which a number in rad or m may be an error of it: a PSM without its instrument turns its
 # wrist 2.1 times as far, and inserts 2.3 times as far; in deg or mm not
@@ -50,7 +50,7 @@ def slope_findings(pairs: Pairs, place: Integers) -> Iterator[Finding]:
     wrong: dict[tuple[str, str], list[int]] = {}
     for i in np.flatnonzero(pairs.moved[place]):
         r, slope, name = float(pairs.correlation[i, place[i]]), abs(float(pairs.slope[i, place[i]])), pairs.names[i]
-        if abs(r) < _MIN_CORRELATION:
+        if abs(r) < _MIN_CORRELATION or is_pulled(pairs, int(i), int(place[i])):
             continue
         # both were scaled to deg and mm; what counts is the ratio of the raw numbers
         si = slope * scales(pairs.log)[place[i]] / scales(pairs.log)[i]
@@ -58,16 +58,20 @@ def slope_findings(pairs: Pairs, place: Integers) -> Iterator[Finding]:
         if said is not None:
             wrong.setdefault(said, []).append(int(i))
             continue
-        least = _MIN_TIGHT_SLOPE if abs(r) > _TIGHT_CORRELATION else _MIN_SLOPE
-        if least < si < _MAX_SLOPE:
+        if _MIN_TIGHT_SLOPE < si < _MAX_SLOPE:
             continue
         rows, sign = pairs.likely[:, i], np.sign(r)
         before, after = (pairs.m[rows, i] / k - pairs.q[rows, place[i]] for k in (sign, sign * slope))
         if np.std(after) >= np.std(before):  # a mend that leaves larger errors is none
             continue
-        moves = f"the measurement moves {si:.3g} times as far as the command (expected {least:g} to {_MAX_SLOPE:g})"
         to_si = scales(pairs.log)[i] / scales(pairs.log)[place[i]]
-        found = behind_slack(pairs, int(i), int(place[i]), (least * to_si, _MAX_SLOPE * to_si))
+        for least in (_MIN_TIGHT_SLOPE, _MIN_SLOPE):
+            found = behind_slack(pairs, int(i), int(place[i]), (least * to_si, _MAX_SLOPE * to_si))
+            if found.unexplained < _TIGHT_UNEXPLAINED:
+                break
+        if least < si < _MAX_SLOPE:
+            continue
+        moves = f"the measurement moves {si:.3g} times as far as the command (expected {least:g} to {_MAX_SLOPE:g})"
         if found.of_cables < (_LESS_MOTION_RATIO if si < 1.0 else _MORE_MOTION_RATIO) * found.unexplained:
             continue
         if found.unexplained >= _MAX_UNEXPLAINED:
