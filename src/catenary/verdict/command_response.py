@@ -187,12 +187,37 @@ def in_stretches(rows: Integers, most: int, command: Floats, time: Floats | None
     return rows[spread(len(rows), most)]
 
 
+def speeds_of(log: MotionLog) -> Floats:
+    """Return speeds between neighbouring rows (M, n) [rad/s|m/s], or per row without stamps."""
+    moved = np.abs(np.diff(log.q_nominal, axis=0))
+    if log.time is None:
+        return moved
+    steps = np.diff(log.time)
+    step = float(np.median(steps))
+    near = np.abs(steps - step) < 0.5 * step
+    return np.asarray(moved[near] / steps[near, None])
+
+
+def evenness(speeds: Floats) -> tuple[float, bool]:
+    """Return the share of a joint's mean square speed that goes with the direction, and whether it has one speed."""
+    moving = speeds[speeds > STANDING_SHARE * np.sqrt(np.mean(speeds**2))]
+    if not len(moving):
+        return 0.0, False
+    usual = np.median(moving)
+    along = min(float(np.mean(moving)) ** 2 / float(np.mean(moving**2)), 1.0 - 1e-9)
+    return along, bool(along > _EVEN or np.mean(np.abs(moving - usual) < _EVEN_WITHIN * usual) > _EVEN_SHARE)
+
+
 def reversals_of(command: Floats) -> int:
     """Return the number of reversals of a command (N,), by _REVERSAL_SHARE of its range or more."""
     way = np.sign(np.diff(play(np.ascontiguousarray(command), _REVERSAL_SHARE / 2.0 * float(np.ptp(command)))))
     return int((np.diff(way[way != 0.0]) != 0.0).sum())
 
 
+STANDING_SHARE = 0.1  # share of a joint's RMS speed below which it stands still
+# speed is constant if its squared mean is nearly its mean square (.98 on zig-zags, .5 to .94 on random motion), or if
+# it is within a tenth of its median on most rows (.75 of a zig-zag with 30 s of random motion, .1 of random motion)
+_EVEN, _EVEN_WITHIN, _EVEN_SHARE = 0.95, 0.1, 0.5
 # radii of plays, as shares of a joint's range: few where they are tried again and again, as for each delay
 PLAY_RADII = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)
 FINE_RADII = (0.001, 0.002, 0.004, 0.007, 0.012, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.2)

@@ -30,9 +30,11 @@ from catenary.verdict.command_response import (
     PLAY_RADII,
     TRIM_SIGMAS,
     Explanation,
+    evenness,
     in_stretches,
     reversals_of,
     scales,
+    speeds_of,
 )
 
 LOOKS = 6.0
@@ -71,6 +73,7 @@ class Delay:
     apart_by: float = 0.0  # standard deviations of that difference
     median: float = 0.0  # of all joints' own delays
     alone: tuple[tuple[str, float, float], ...] = ()  # each joint's interval, if it had its own clock
+    even: tuple[str, ...] = ()  # joints that move at one speed, as on zig-zags, which hides their delays
     span: float = 0.0  # [s] of the rows used
     middle: float = 0.0  # [s] from the first row of the recording to the middle of the rows used
 
@@ -104,8 +107,10 @@ class Delay:
         ranges = [f"{joint} {low:+.2f} to {high:+.2f}" for joint, low, high in wide if high - low <= most]
         untold = [joint for joint, low, high in self.alone if high - low > most]
         alone = f"; for one joint alone, {', '.join(ranges)} {self.unit}" if ranges else ""
-        more = f"; for {', '.join(untold)} alone, any: half a minute of random motion would show it" if untold else ""
-        return alone + more
+        for motion, joints in (("half a minute of random", {*self.even}), ("faster", {*untold} - {*self.even})):
+            if names := ", ".join(joint for joint in untold if joint in joints):
+                alone += f"; for {names} alone, any: {motion} motion would show it"
+        return alone
 
 
 def delay_of(
@@ -163,6 +168,8 @@ def delay_of(
         first, last = _interval(grid, cost, CERTAIN_SIGMAS**2 / each)
         # a joint's interval includes the common delay
         alone.append((log.joint_names[i], min(first, low), max(last, high)))
+    speeds = speeds_of(log)
+    even = tuple(log.joint_names[i] for i in joints if evenness(speeds[:, places[i]])[1])
     near_low, near_high = _interval(grid, total, _LIKELY_SIGMAS**2 / worth)
     sure: Literal["certain", "likely", "none"] = "none"
     if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
@@ -184,7 +191,7 @@ def delay_of(
              for i, look, d, z2 in of_joints if z2 > 1.0]  # fmt: skip
     return Delay(
         seconds, low, high, sure, change, unit, float(total[best]), tuple(apart),
-        apart_by, float(np.median(own)), tuple(alone), span, middle,
+        apart_by, float(np.median(own)), tuple(alone), even, span, middle,
     )  # fmt: skip
 
 

@@ -54,6 +54,7 @@ _MAX_DRIFT = 2e-3  # of one clock beside another
 _MAX_ROWS = 200_000  # that the delay is found by
 _GAP_S = 1.0  # [s] beyond which nothing is read between two samples
 _ROUNDS = 3
+_MAX_PARTS = 8  # of a file whose clock was set again: more pauses are rows that were lost
 _GIVEN = "--clock SECONDS,PPM gives its offset and rate, 0,0 where it is one with q_nominal's"
 _CHANGE_SIGMAS = 2.0  # by which the rate of a clock must differ: no two are the same
 InSi = Callable[[Floats], Floats]  # makes of a quantity's columns (N, n) joints in rad, m, Nm and N
@@ -272,12 +273,14 @@ class OneClock:
         elif mapping.stamps == "arrival" and arrivals:
             self.notes.append("arrival times were taken, as asked")
         self._take(found)
-        if clocks := self._clocks(streams, in_si, units):
+        if clocks := self._clocks(streams, stamps, in_si, units):
             origin = int(found[self.base, ""].stamp[0])
-            for name, clock in clocks.items():
-                timed, came = stamps[name] != _LOST, streams[name].arrival
-                stamps[name] = np.where(timed, clock.onto_base(stamps[name], origin), _LOST)
-                moved = None if came is None else clock.onto_base(came, origin)
+            for name, parts in clocks.items():
+                stamp, came = stamps[name].copy(), streams[name].arrival
+                for begins, clock in parts:  # each from its first row on
+                    stamp[begins:] = clock.onto_base(stamps[name][begins:], origin)
+                stamps[name] = np.where(stamps[name] != _LOST, stamp, _LOST)
+                moved = None if came is None else parts[0][1].onto_base(came, origin)
                 streams = {**streams, name: replace(streams[name], arrival=moved)}
             found = self._clean(streams, stamps)
             self._take(found)
@@ -320,13 +323,20 @@ class OneClock:
             self._where[key] = list(zip(parts, columns, strict=True))
 
     def _clocks(
-        self, streams: Mapping[str, Stream], in_si: Mapping[str, InSi], units: tuple[str, ...]
-    ) -> dict[str, FileClock]:
-        """Return the clocks of streams of other files than q_nominal's, as given, or by the motion; say them."""
+        self,
+        streams: Mapping[str, Stream],
+        stamps: Mapping[str, Integers],
+        in_si: Mapping[str, InSi],
+        units: tuple[str, ...],
+    ) -> dict[str, list[tuple[int, FileClock]]]:
+        """Return the clocks of streams of other files than q_nominal's, as given, or by the motion; say them.
+
+        A clock that was set, or restarted, within a file is another one from a row on: each comes with its first row.
+        """
         # topics of bags share a clock
         file_of = {name: name if stream.type == "table" else "bag" for name, stream in streams.items()}
         others = dict.fromkeys(file for file in file_of.values() if file != file_of[self.base])
-        given, of = self._mapping.clocks, dict[str, FileClock]()
+        given, of = self._mapping.clocks, dict[str, list[tuple[int, FileClock]]]()
         if unknown := [file for file in given if not others or file not in ("", *others)]:
             known = f"expected {', '.join(others)}" if others else "none is read beside q_nominal's"
             named = " ".join(["no file", *filter(None, unknown[:1])])
@@ -335,19 +345,50 @@ class OneClock:
             stated = given.get(file, given.get(""))
             keys = [k for k in ("q_encoder", "q_reported") if k in in_si and file_of[self._where[k][0][0][0]] == file]
             if stated is not None:
-                of[file] = FileClock(*stated)
-                self.notes.append(f"{file}: {of[file]}")
-            elif keys and (clock := self._by_motion(keys[0], file, in_si, units)) is not None:
-                of[file] = clock
-                self.notes.append(f"{file}: {clock}; taken onto q_nominal's (--clock 0,0 leaves it)")
+                of[file] = [(0, FileClock(*stated))]
+                self.notes.append(f"{file}: {of[file][0][1]}")
+            elif keys and (parts := self._by_parts(keys[0], file, streams, stamps, in_si, units)):
+                of[file] = parts
+                for first, clock in parts:
+                    since = f" from row {first} on" * (len(parts) > 1)
+                    self.notes.append(f"{file}{since}: {clock}; taken onto q_nominal's (--clock 0,0 leaves it)")
         return {name: of[file_of[name]] for name in streams if file_of[name] in of}
+
+    def _by_parts(
+        self, key: str, file: str, streams: Mapping[str, Stream], stamps: Mapping[str, Integers],
+        in_si: Mapping[str, InSi], units: tuple[str, ...],
+    ) -> list[tuple[int, FileClock]]:  # fmt: skip
+        """Return the clocks of a file that saw the joints, and their first rows; none if it may be q_nominal's."""
+        name, series, notes = self._where[key][0][0][0], self._series, list(self.notes)
+        edges, parts = _restarts(stamps[name]) if file == name else [0], list[tuple[int, FileClock]]()
+        for first, last in pairwise([*edges, len(stamps[name])] if len(edges) > 1 else []):
+            stamp = np.full(len(stamps[name]), _LOST)
+            stamp[first:last] = stamps[name][first:last]
+            self._take(self._clean(streams, {**stamps, name: stamp}))
+            pair = self._pair(key, in_si)
+            try:
+                parts.append((first, clock_by_motion(pair[0], pair[-1], units, file)))
+            except InputError:
+                continue
+        self.notes = notes
+        self._take(series)
+        if len(parts) == len(edges) > 1:
+            ends = [clock.interval for _, clock in parts]
+            if max(low for low, _ in ends) > min(high for _, high in ends):
+                return parts
+        one = self._by_motion(key, file, in_si, units)
+        return [] if one is None else [(0, one)]
+
+    def _pair(self, key: str, in_si: Mapping[str, InSi]) -> list[Series]:
+        """Return the samples of commands, and of a quantity beside them; fewer where one is of several streams."""
+        pair = [(k, self.samples(k)) for k in (_BASE, key)]
+        return [replace(one, values=in_si[k](one.values)) for k, one in pair if one is not None]
 
     def _by_motion(self, key: str, file: str, in_si: Mapping[str, InSi], units: tuple[str, ...]) -> FileClock | None:
         """Return the clock of a file that saw the joints; None if it may well be that of q_nominal's."""
-        base, its = self.samples(_BASE), self.samples(key)
-        if base is None or its is None:
+        if len(pair := self._pair(key, in_si)) < 2:
             return None
-        base, its = (replace(one, values=in_si[k](one.values)) for one, k in ((base, _BASE), (its, key)))
+        base, its = pair
         # two that count from zeros of their own are hardly one; of dated ones the motion must say so
         is_dated = min(base.stamp[0], its.stamp[0]) >= _FIRST_DATED_NS
         try:
@@ -519,6 +560,16 @@ class OneClock:
         if missing.any():
             self.notes.append(f"{name}: {int(missing.sum())} messages carry no stamp; their arrival was taken")
         return np.where(missing, came, own)
+
+
+def _restarts(stamp: Integers) -> list[int]:
+    """Return the rows from which a file's clock may be another one: its first, and after steps back and pauses."""
+    rows = np.flatnonzero(stamp != _LOST)
+    steps = np.diff(stamp[rows])
+    usual = float(np.median(np.abs(steps))) if len(steps) else 0.0
+    edges = [0, *(1 + np.flatnonzero((steps < 0) | (steps > GAP_INTERVALS * usual))).tolist(), len(rows)]
+    long = usual > 0.0 and min(np.diff(edges)) > _MIN_OVERLAP_S * SECOND / usual
+    return [0, *rows[edges[1:-1]].tolist()] if long and len(edges) <= _MAX_PARTS + 1 else [0]
 
 
 def _seconds(series: Series, origin: np.int64) -> str:
