@@ -279,12 +279,12 @@ def hysteresis_of(log: MotionLog) -> list[Hysteresis]:
     turns = [reversals_of(q[:, k]) if k in moved else 0 for k in range(q.shape[1])]
     if log.q_encoder is None or log.ok.sum() < MIN_EXPLAINED_ROWS:
         return [Hysteresis(np.nan, np.nan, count) for count in turns]
-    found = []
+    hysteresis = []
     for k, scale in enumerate(scales(log)):
         rows = in_stretches(np.flatnonzero(log.ok), MAX_EXPLAINED_ROWS, q[:, k], log.time)
         seen = scale * log.q_encoder[rows, k]
-        found.append(Hysteresis(*(_loop(q, k, moved, rows, seen) if k in moved else (np.nan, np.nan)), turns[k]))
-    return found
+        hysteresis.append(Hysteresis(*(_loop(q, k, moved, rows, seen) if k in moved else (np.nan, np.nan)), turns[k]))
+    return hysteresis
 
 
 def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats) -> tuple[float, float]:
@@ -299,11 +299,13 @@ def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats)
         free, plays = columns[keep, : -len(FINE_RADII)], columns[keep, -len(FINE_RADII) :]
         onto = np.linalg.qr(free)[0]
         weights = nnls(plays - onto @ (onto.T @ plays), y[keep] - onto @ (onto.T @ y[keep]))[0]
-        rest = y - columns[:, -len(FINE_RADII) :] @ weights
-        left = np.abs(rest - columns[:, : -len(FINE_RADII)] @ np.linalg.lstsq(free, rest[keep], rcond=None)[0])
+        without_plays = y - columns[:, -len(FINE_RADII) :] @ weights
+        left = np.abs(
+            without_plays - columns[:, : -len(FINE_RADII)] @ np.linalg.lstsq(free, without_plays[keep], rcond=None)[0]
+        )
         keep = left <= TRIM_SIGMAS * 1.4826 * np.median(left) + 1e-9
     command = columns[keep, moved.index(own)]
-    alone = float(command @ rest[keep] / (command @ command))  # what follows at once
+    alone = float(command @ without_plays[keep] / (command @ command))  # what follows at once
     follows = alone + np.cumsum(weights)
     if follows[-1] <= 0.0:  # it follows another command, or the wrong way round
         return np.nan, np.nan

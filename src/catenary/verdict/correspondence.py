@@ -43,14 +43,14 @@ def joints_in_place(pairs: Pairs) -> Integers:
         return place
     inside = np.ix_(moving, moving)
     unexplained = np.log(np.maximum(1.0 - pairs.correlation[inside] ** 2, _MIN_UNEXPLAINED))
-    found = _assigned(unexplained)
-    if (found == np.arange(len(moving))).all():
+    assigned = _assigned(unexplained)
+    if (assigned == np.arange(len(moving))).all():
         # commands that move as one are distinguished by where they stand, in the same units
         units = np.array(pairs.log.joint_units)
         apart = np.array([np.median(np.abs(m[:, None] - pairs.q), axis=0) for m in pairs.m.T])
         distances = np.where(units[:, None] == units, np.log(np.maximum(apart, _NEAR_DEG_MM)), np.log(1e6))
-        found = _assigned(distances[inside], among=unexplained)
-    place[moving] = moving[found]
+        assigned = _assigned(distances[inside], among=unexplained)
+    place[moving] = moving[assigned]
     return place
 
 
@@ -58,13 +58,13 @@ def _assigned(cost: Floats, among: Floats | None = None) -> Integers:
     """Return the assignment of least cost (logarithms), without cycles that hardly gain, or harm `among` others."""
     from scipy.optimize import linear_sum_assignment
 
-    found = np.asarray(linear_sum_assignment(cost)[1], dtype=np.int64)
-    for rows in map(np.array, _cycles_of(found)):
-        gain = float(np.mean(cost[rows, rows] - cost[rows, found[rows]]))
-        worse = among is not None and np.any(among[rows, found[rows]] > among[rows, rows] + np.log(1.5))
+    assigned = np.asarray(linear_sum_assignment(cost)[1], dtype=np.int64)
+    for rows in map(np.array, _cycles_of(assigned)):
+        gain = float(np.mean(cost[rows, rows] - cost[rows, assigned[rows]]))
+        worse = among is not None and np.any(among[rows, assigned[rows]] > among[rows, rows] + np.log(1.5))
         if gain < np.log(_CLEAR_RATIO) or worse:
-            found[rows] = rows
-    return found
+            assigned[rows] = rows
+    return assigned
 
 
 def _cycles_of(permutation: Integers) -> list[list[int]]:
@@ -96,8 +96,8 @@ def correspondence_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding
             culprit = "an axis that points the other way in one of the two"
             findings.append(Finding("sign", (name,), says, culprit, f"--sign {name}"))
         elif r < _MIN_CORRELATION and spread > _SAME_SPREAD_RATIO * of_command and of_command > _MIN_SPREAD_DEG_MM:
-            found = behind_slack(pairs, i, place[i], (_MIN_SLOPE, np.inf), shared=False)
-            if found.slope > _MIN_SLOPE and found.unexplained < _MAX_UNEXPLAINED:
+            moves = behind_slack(pairs, i, place[i], (_MIN_SLOPE, np.inf), shared=False)
+            if moves.slope > _MIN_SLOPE and moves.unexplained < _MAX_UNEXPLAINED:
                 continue  # slack and other joints hide it in little motion
             says = (
                 f"the measurement follows no command (correlation {r:.2f} with its own, expected above "
