@@ -198,7 +198,7 @@ def _unwrap(log: MotionLog, text: str) -> MotionLog:
     for name, period in periods.items():
         j = _joint(log, name, "--unwrap")
         away = values[:, j] - log.q_nominal[:, j]
-        values[:, j] -= period * np.round((away - np.median(away[log.ok])) / period)
+        values[:, j] -= period * np.round((away - np.percentile(away[log.ok], 50.0, method="lower")) / period)
     return replace(log, **{key: values})  # type: ignore[arg-type]  # an array by its name
 
 

@@ -27,10 +27,11 @@ _SHARED, _SHARED_RATIO = 0.1, 10.0
 # .006, .3 of a joint .003 and .13; untouched windows of 75 poses, whose wrists' joints share friction, .017 and more.
 _MAX_MIXED, _MAX_MIXED_OF_ERROR = 0.01, 0.25
 _MIN_ROWS_A_JOINT, _MAX_ROWS = 10, 20_000
-_ENTRY_ERRORS, _MIN_ENTRY = 12.0, 0.05  # standard errors of such an entry, 9 where untouched; its size
+_ENTRY_ERRORS, _MIN_ENTRY = 12.0, 0.05  # standard errors of such an entry, 9 where untouched; its size in deg, mm
 _SHARE_OF_SUM = 0.03  # of a sum's spread, below which an entry may be what cables do
 _OWN_ENTRY = 0.15  # by which a joint's own entry may differ from one without being of a frame
-_MIN_SHARE, _SHARE_ERRORS = 0.03, 8.0  # from which such a difference is noted, and standard errors of it
+# from which such a difference is noted, standard errors of it, and what it leaves of the error: arms' own are smaller
+_MIN_SHARE, _SHARE_ERRORS, _MAX_SHARE_OF_ERROR = 0.03, 8.0, 0.6
 _MAX_CONDITION = 10.0  # of a matrix that is undone: errors of its entries grow by as much
 _BLOCKS = 8
 
@@ -156,13 +157,14 @@ def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
     A sum in another joint's place is first put into its own.
     """
     own_place, moving, names = place == np.arange(len(place)), np.flatnonzero(pairs.moved), pairs.names
-    made, shared = dict[int, _Sum](), dict[int, _Sum]()
+    made, shared, shown = dict[int, _Sum](), dict[int, _Sum](), scales(pairs.log)
     for i in np.flatnonzero(own_place & pairs.moved & pairs.seen_moving).tolist():
         alone, of_all = 1.0 - float(pairs.correlation[i, i]) ** 2, _sum_of(pairs, i, moving)
         if of_all is None:
             continue
         entries, errors, counts, unexplained, of_error = of_all
-        sure = counts & (moving != i) & (np.abs(entries) > np.maximum(_MIN_ENTRY, _ENTRY_ERRORS * errors))
+        least = np.maximum(_MIN_ENTRY * shown[moving] / shown[i], _ENTRY_ERRORS * errors)
+        sure = counts & (moving != i) & (np.abs(entries) > least)
         if sure.any() and counts.sum() > 1 and unexplained < _MAX_MIXED and of_error < _MAX_MIXED_OF_ERROR:
             made[i] = of_all
         elif alone > max(_SHARED, _SHARED_RATIO * unexplained):
@@ -191,15 +193,15 @@ def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
 
 
 def proportional_findings(pairs: Pairs) -> Iterator[Finding]:
-    """Note errors that are hardly anything but a share of the joint's own motion."""
+    """Note errors that are, for a large part, a share of the joint's own motion."""
     moving = np.flatnonzero(pairs.moved)
     for i in np.flatnonzero(pairs.moved & pairs.seen_moving).tolist():
         of_all = _sum_of(pairs, i, moving)
-        if of_all is None or of_all.of_error > _MAX_MIXED_OF_ERROR:
+        if of_all is None or of_all.of_error > _MAX_SHARE_OF_ERROR:
             continue
         share, error = (float(column[moving == i][0]) for column in of_all[:2])
         if max(_MIN_SHARE, _SHARE_ERRORS * error) < abs(share - 1.0) < _OWN_ENTRY:
-            says = f"its error is {share - 1.0:+.3f} +- {2.0 * error:.1g} of its motion and little else"
+            says = f"its error holds {share - 1.0:+.3f} +- {2.0 * error:.1g} of its motion"
             culprit = "cables that stretch, or a wrong scale of the sensor: one recording cannot tell which"
             yield Finding("scale", (pairs.names[i],), f"{says}; a fit takes the measurement's", culprit, refuses=False)
 

@@ -50,7 +50,7 @@ def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
     findings, measured = list[Finding](), np.array(pairs.log.q_encoder)
     for j, joint_unit in enumerate(pairs.log.joint_units):
         error = pairs.m[:, j] - pairs.q[:, j]
-        away = error - np.median(error)
+        away = error - np.percentile(error, 50.0, method="lower")  # of a row: a mean of two may lie between turns
         if period := _period_of_wraps(pairs.m[:, j], away):
             rounds, in_si = np.round(away / period), period / float(scales(pairs.log)[j])
             measured[pairs.log.ok, j] -= rounds * in_si
