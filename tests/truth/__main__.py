@@ -30,6 +30,7 @@ from tests.truth.recordings import Known, data_folder, dvrk, raven, real, simula
 from tests.truth.spoilings import NOTHING, SPOILINGS, late
 from tests.truth.torques import payloads, torques
 from tests.truth.two_computers import two_computers
+from tests.truth.unknown_arms import unknown_arms
 from tests.verdict.test_check import TOGETHER
 from tests.verdict.test_delay import periodic_arm
 
@@ -60,6 +61,7 @@ def outcomes(only: str) -> Iterator[Outcome]:
         if re.search(only, "refresh"):
             yield from refreshes(folder)
         yield from two_computers(only, folder)
+        yield from unknown_arms(only, folder)
         yield from torques(only)
         yield from payloads(only)
         yield from unlike_others(only, folder)

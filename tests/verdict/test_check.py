@@ -10,6 +10,7 @@ from catenary.errors import DataError, InputError
 from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from catenary.verdict.check import findings_of, verdict
+from catenary.verdict.command_response import scales
 from catenary.verdict.corrections import NO_MEND, Mend
 from catenary.verdict.finding import judge
 from catenary.verdict.units_and_scale import trained_findings
@@ -30,6 +31,7 @@ from spoilt import (
     with_outliers,
     wrapped,
 )
+from tests.drawn_arms.arm import Arm
 from tests.truth.spoilings import late
 from tests.verdict.test_delay import cable_arm
 
@@ -244,6 +246,30 @@ def test_a_sum_of_commands_names_its_entries_and_the_coupling_that_parts_it(entr
     mended = NO_MEND.and_then(found.remedy)(replace(log, q_encoder=log.q_encoder @ matrix.T))
     assert not any(each.refuses for each in findings_of(mended))
     assert_allclose(mended.q_encoder, log.q_encoder, atol=0.02)
+
+
+# even seeds, on which limits were set, then odd ones; 16 and 13 move along zig-zags
+@pytest.mark.parametrize(("seed", "motion"), [(12, "random"), (16, "zigzag"), (17, "random"), (13, "zigzag")])
+def test_on_any_arm_a_small_sum_and_a_scale_are_named_with_their_size(seed: int, motion: str) -> None:
+    log = Arm(seed).moved(motion, 1, 60.0).log
+    shown = scales(log)
+    entry = 0.3 * shown[0] / shown[1]
+    summed = log.q_encoder + np.outer(log.q_encoder[:, 0], np.eye(log.q_encoder.shape[1])[1] * entry)
+    found = [each for each in findings_of(replace(log, q_encoder=summed)) if each.refuses]
+    assert [each.name for each in found] == ["mixed"]
+    assert float(found[0].remedy.partition("J2/J1=")[2].partition(",")[0]) == pytest.approx(-entry, rel=0.15)
+    found = [each for each in findings_of(scaled(log, MEASURED, [1], 0.5)) if each.refuses]
+    assert [each.name for each in found] == ["scale"]
+    assert float(found[0].remedy.partition("=")[2]) == pytest.approx(2.0, rel=0.05)
+
+
+@pytest.mark.parametrize("seed", [6, 7])
+def test_an_error_that_is_a_share_of_the_motion_is_noted(seed: int) -> None:
+    log = Arm(seed).moved("random", 1, 60.0).log
+    assert not any(each.name == "scale" for each in findings_of(log))
+    notes = [each for each in findings_of(scaled(log, MEASURED, [1], 1.05)) if each.name == "scale"]
+    assert [(each.joints, each.refuses) for each in notes] == [(("J2",), False)]
+    assert float(notes[0].says.split()[3]) == pytest.approx(0.05, abs=0.015)
 
 
 def test_one_sum_in_the_place_of_two_joints_is_refused_without_a_coupling() -> None:

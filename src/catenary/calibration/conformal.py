@@ -24,6 +24,7 @@ from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread
 from catenary.calibration.intervals import Intervals, check_level
 from catenary.plant import MotionLog
 from catenary.units import TO_SI
+from catenary.verdict.command_response import STANDING_SHARE, evenness, speeds_of
 from catenary.verdict.delay import SHARP, Delay
 
 _BLOCKS_OUTSIDE = 5  # blocks that 1 - level amounts to: the new block then takes a fifth of the share outside
@@ -35,10 +36,6 @@ _PROMISE_PROBABILITY = 0.95  # share of other minutes of the same day whose RMSE
 _LEAST_SQUARE = 1e-24  # [rad2|m2] below any error
 _MAX_LOG_ERROR = math.log(10.0)  # largest half-width of a stated range of log RMSE, which is uninformative
 _FITTED_WEIGHT = 0.368  # weight of the training error in the .632 estimate
-_STANDING_SHARE = 0.1  # share of a joint's RMS speed below which it stands still
-# speed is constant if its squared mean is nearly its mean square (.98 on zig-zags, .5 to .94 on random motion), or if
-# it is within a tenth of its median on most rows (.75 of a zig-zag with 30 s of random motion, .1 of random motion)
-_EVEN, _EVEN_WITHIN, _EVEN_SHARE = 0.95, 0.1, 0.5
 _SLOPE_SIGMAS = 2.0  # of the slope of errors over speed
 COVERAGE_LENIENCE = 0.5  # share of 1 - level by which a coverage may fall short: 85 % for 90 %
 
@@ -76,6 +73,7 @@ class DelayMargin(NamedTuple):
     late: Floats  # largest delay [s], or rows of recordings without stamps; 0 if the motion determines it
     rms: Floats  # [rad|m] RMS error that the delay may add at most
     within: Floats  # [rad|m] half-width that contains this error with the intervals' probability
+    even: Flags  # at one speed, as on zig-zags, so that motion at other speeds would determine it
 
     def in_intervals(self, intervals: Intervals) -> Intervals:
         """Return intervals widened by this error."""
@@ -100,10 +98,10 @@ def unseen_by_blocks(
         rates: Speeds (N, n) [rad/s|m/s] on the rows of `errors`; per row of recordings without stamps.
         level: Probability of the intervals.
     """
-    speeds = np.concatenate([_speeds(log) for log in logs])
+    speeds = np.concatenate([speeds_of(log) for log in logs])
     rms, within = np.sqrt(np.mean(speeds**2, axis=0)), np.quantile(speeds, level, axis=0)
     left = np.sqrt(np.mean(np.square(errors.after_model), axis=0))
-    found = np.zeros((3, len(rms)))
+    found, even = np.zeros((3, len(rms))), np.zeros(len(rms), dtype=bool)
     for j, name in enumerate(logs[0].joint_names):
         own = np.array([own[1:] for delay in delays if delay is not None for own in delay.alone if own[0] == name])
         if not len(own):
@@ -112,22 +110,20 @@ def unseen_by_blocks(
         low, high = (low, high) if low <= high else (own[:, 0].min(), own[:, 1].max())
         if high <= 0.0 or high - low <= SHARP["rows" if logs[0].time is None else "s"]:
             continue
-        moving = speeds[speeds[:, j] > _STANDING_SHARE * rms[j], j]
-        usual = np.median(moving)
-        along = min(float(np.mean(moving)) ** 2 / float(np.mean(moving**2)), 1.0 - 1e-9)  # that goes with the direction
-        is_even = along > _EVEN or np.mean(np.abs(moving - usual) < _EVEN_WITHIN * usual) > _EVEN_SHARE
+        along, is_even = evenness(speeds[:, j])
         likely = max(0.5 * (low + high), 0.0)
         most = high * rms[j]
         if not is_even:
             slope = _slope_on_speed(errors.after_model[:, j], rates[:, j], errors.block)
             most = min(left[j] * math.sqrt(along / (1.0 - along)), slope * rms[j])
+        even[j] = is_even
         found[:, j] = high, max(min(high * rms[j], most), likely * rms[j]), likely * within[j]
-    return DelayMargin(*found)
+    return DelayMargin(found[0], found[1], found[2], even)
 
 
 def _slope_on_speed(left: Floats, rate: Floats, block: Integers) -> float:
     """Return the largest delay [s] that errors (N,) on blocks of time show in what of the speed is not even."""
-    moving = np.abs(rate) > _STANDING_SHARE * np.sqrt(np.mean(rate**2))
+    moving = np.abs(rate) > STANDING_SHARE * np.sqrt(np.mean(rate**2))
     left, rate, block = left[moving], rate[moving], block[moving]
     uneven = rate - np.mean(np.abs(rate)) * np.sign(rate)
     parts = np.unique(block)
@@ -135,17 +131,6 @@ def _slope_on_speed(left: Floats, rate: Floats, block: Integers) -> float:
     slope = common.sum() / size.sum()
     spread = np.square(common - slope * size).sum() * len(parts) / max(len(parts) - 1, 1)
     return float(abs(slope) + _SLOPE_SIGMAS * math.sqrt(spread) / size.sum())
-
-
-def _speeds(log: MotionLog) -> Floats:
-    """Return speeds between neighbouring rows (M, n) [rad/s|m/s], or per row without stamps."""
-    moved = np.abs(np.diff(log.q_nominal, axis=0))
-    if log.time is None:
-        return moved
-    steps = np.diff(log.time)
-    step = float(np.median(steps))
-    near = np.abs(steps - step) < 0.5 * step
-    return np.asarray(moved[near] / steps[near, None])
 
 
 def expected(

@@ -130,7 +130,8 @@ def _vague_notes(spread: Sequence[Spread], unseen: DelayMargin) -> list[str]:
     ranges = [(s, s.rmse_low or 0.0, s.rmse_high or 0.0) for s in spread]
     vague = [f"{s.joint} {low:.3g} to {high:.3g} {s.unit}" for s, low, high in ranges if high > _VAGUE_RATIO * low]
     late = [rms / TO_SI[s.unit][1] for s, rms in zip(spread, unseen.rms, strict=True)]
-    untold = ", ".join(s.joint for (s, _, high), own in zip(ranges, late, strict=True) if own > _UNTOLD_SHARE * high)
+    own = zip(ranges, late, unseen.even, strict=True)
+    untold = ", ".join(s.joint for (s, _, high), size, even in own if even and size > _UNTOLD_SHARE * high)
     more = f", and half a minute of random motion, which shows whether {untold} alone is late" if untold else ""
     return [f"other minutes may err by {', '.join(vague)}, which says little: record longer{more}"] * bool(vague)
 

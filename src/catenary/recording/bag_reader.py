@@ -115,8 +115,8 @@ class SqliteBag(Source):
 
 def _opened(path: Path, reader: SqliteBag) -> tuple[sqlite3.Connection, int]:
     """Open a database as SQLite does, with the changes that wait beside it, in a copy; return it and all bytes."""
-    beside = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
-    files = [path, *(file for file in beside if file.is_file())]
+    journals = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
+    files = [path, *(file for file in journals if file.is_file())]
     size = sum(file.stat().st_size for file in files)
     if len(files) == 1:
         return sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1&mode=ro", uri=True), size
@@ -164,7 +164,7 @@ class Rescue(NamedTuple):
         first, end = (int(every[0]), max(int(every[-1]), until or 0)) if len(every) else (0, 0)
         places = sorted({int(np.searchsorted(every, at, side="right")) for at, _ in holes if at is not None} - {0})
         gaps = [(int(every[p - 1]), int(every[p]) if p < len(every) else end) for p in places]
-        found = []
+        pieces = []
         for topic, arrival in arrivals.items():
             usual = int(np.median(np.diff(arrival))) if len(arrival) > 1 else 0
             lost, without = 0, 0
@@ -173,10 +173,10 @@ class Rescue(NamedTuple):
                 gap = (int(arrival[spot]) if spot < len(arrival) else end) - int(arrival[spot - 1])
                 lost += max(0, round(gap / usual) - (spot < len(arrival)))
                 without += max(0, gap - usual)
-            found.append(TopicLoss(topic, len(arrival), lost, without / SECOND))
+            pieces.append(TopicLoss(topic, len(arrival), lost, without / SECOND))
         span = int(every[-1]) - first if len(every) else 0
         without_any = tuple(((a - first) / SECOND, (b - first) / SECOND) for a, b in gaps if b > a)
-        return cls(tuple(found), span / SECOND, ends_early, without_any)
+        return cls(tuple(pieces), span / SECOND, ends_early, without_any)
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""
@@ -194,10 +194,10 @@ class Rescue(NamedTuple):
 
     def stretches(self) -> list[str]:
         """Return in words which stretches of time have no messages."""
-        said = [
+        losses = [
             f"no message for {b - a:.1f} s, from {a:.1f} to {b:.1f} s" for a, b in self.gaps if b - a >= _TOLD_GAP_S
         ]
-        return said + [f"nothing behind {self.seconds:.1f} s: its end is missing or damaged"] * self.ends_early
+        return losses + [f"nothing behind {self.seconds:.1f} s: its end is missing or damaged"] * self.ends_early
 
 
 def is_journal(path: Path) -> bool:

@@ -91,12 +91,12 @@ def header_fields(data: bytes) -> dict[bytes, bytes]:
 
 def field_of(values: dict[bytes, bytes], key: bytes, length: int | None = None) -> bytes:
     """Return a field of a header."""
-    found = values.get(key)
-    if found is None:
+    field = values.get(key)
+    if field is None:
         raise ValueError(f"a header without {key.decode()}")
-    if length not in (None, len(found)):
-        raise ValueError(f"{key.decode()} has {len(found)} bytes, expected {length}")
-    return found
+    if length not in (None, len(field)):
+        raise ValueError(f"{key.decode()} has {len(field)} bytes, expected {length}")
+    return field
 
 
 def sized(file: BinaryIO, size: int) -> bytes | None:

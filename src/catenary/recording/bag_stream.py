@@ -119,10 +119,10 @@ class Source:
     @cached_property
     def counts(self) -> dict[str, int]:
         """Number of messages by topic."""
-        found = {topic.name: 0 for topic in self.topics}
-        for name, arrivals, _ in self.blocks(found):
-            found[name] += len(arrivals)
-        return found
+        counts = {topic.name: 0 for topic in self.topics}
+        for name, arrivals, _ in self.blocks(counts):
+            counts[name] += len(arrivals)
+        return counts
 
     def _every_message(self) -> Iterator[tuple[str, int, bytes]]:
         raise NotImplementedError
@@ -267,11 +267,11 @@ class BagStream(Source):
         """Return those messages, of known topics, that decode as their types say."""
         good = np.ones(len(messages), dtype=bool)
         for number in np.unique(messages[:, CONNECTION]).tolist():
-            rows, found = np.flatnonzero(messages[:, CONNECTION] == number), self.connections[self._names[number]]
+            rows, connection = np.flatnonzero(messages[:, CONNECTION] == number), self.connections[self._names[number]]
             with contextlib.suppress(FileFormatError):  # of a type that nobody knows
-                fields_of = fields_by_definition(str(self.path), found.type, found.definition, self.encoding)
+                fields_of = fields_by_definition(str(self.path), connection.type, connection.definition, self.encoding)
                 block = Block.of([self._plain(chunk[row[DATA] : row[END]]) for row in messages[rows].tolist()])
-                good[rows] = decodable(current_name(found.type), block, self.encoding, fields_of)
+                good[rows] = decodable(current_name(connection.type), block, self.encoding, fields_of)
         return messages[good]
 
     def _unpacked(self, file: BinaryIO, size: int) -> Iterator[tuple[bytes, bool]]:
@@ -509,20 +509,20 @@ class BagStream(Source):
             encoding, _ = text_at(data, position)
             if encoding not in ("cdr", "ros1"):
                 self._unread.add(number)
-                said = (
+                note = (
                     f"{self.path}: {name} is in {cut(encoding)}, which is left out; cdr and ros1 are read, and a CSV "
                     "that PlotJuggler exports"
                 )
-                if said not in self.warnings and len(self.warnings) < _MAX_PROBLEMS:
-                    self.warnings.append(said)
+                if note not in self.warnings and len(self.warnings) < _MAX_PROBLEMS:
+                    self.warnings.append(note)
                 return
             schema, text = schemas[_U16.unpack_from(data, 2)[0]]
-            found = BagConnection(name, schema, "", text)
-            if self._names.get(number) == name and self.connections.get(name) == found:
+            connection = BagConnection(name, schema, "", text)
+            if self._names.get(number) == name and self.connections.get(name) == connection:
                 return  # again, as before each chunk of a journal
             if encoding == "ros1":
                 self.encoding = "ros1"
-            self._keep(number, found)
+            self._keep(number, connection)
         elif kind == _HEADER:
             self.is_journal = text_at(data, text_at(data, 0)[1])[0] == LIBRARY
         elif kind == _METADATA and text_at(data, 0)[0] in (ABOUT, NOTE, ENDED, PASS):  # of a journal
@@ -541,15 +541,15 @@ class BagStream(Source):
     def _missed(self, name: str, number: int, missing: int, arrival: int, before: int | None) -> None:
         """Tell of numbers that are missing before one, or come again; `before` is None of a topic's first message."""
         if before is None:
-            said = f"{missing} messages of {name} before it are in files that are not there"
+            note = f"{missing} messages of {name} before it are in files that are not there"
         elif missing > 0:
             self.lost += missing
             if not self.holes or self.holes[-1][1] is not None:
                 self.holes.append((self.last, arrival))
-            said = f"{missing} message(s) of {name} are missing before {number}"
+            note = f"{missing} message(s) of {name} are missing before {number}"
         else:
-            said = f"message {number} of {name} comes out of order, or again"
-        self.damage.append(f"{self.path}: {said}")
+            note = f"message {number} of {name} comes out of order, or again"
+        self.damage.append(f"{self.path}: {note}")
 
 
 def about_of(path: Path, data: bytes, encoding: Encoding) -> About:

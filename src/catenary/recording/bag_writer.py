@@ -41,8 +41,10 @@ def write_group_bags(source: Source, folder: Path, kind: BagKind = "ros1") -> tu
     """
     unknown = [topic for topic in source.topics if current_name(topic.type) not in MESSAGES]
     if unknown:
-        said = [f"topic {t.name}: its type {t.type} is not known to catenary, so it cannot be written" for t in unknown]
-        raise InputError("; ".join(said))
+        notes = [
+            f"topic {t.name}: its type {t.type} is not known to catenary, so it cannot be written" for t in unknown
+        ]
+        raise InputError("; ".join(notes))
     for name, spelt, _, definition in source.connections.values():  # what is written is defined as ours
         check_type(source.path, name, spelt, definition, ros=1 if source.encoding == "ros1" else 2)
     topics: dict[str, dict[str, str]] = {}  # of each bag, and their types

@@ -87,11 +87,11 @@ class LeftOff(NamedTuple):
 
 def same_origin(stated: Sequence[About | None]) -> About | None:
     """Return the description of a recording from its files; refuse files of different robots."""
-    said = [about for about in stated if about is not None]
-    if any((about.robot, about.simulated) != (said[0].robot, said[0].simulated) for about in said):
-        found = ", ".join(f"{a.robot} ({'simulated' if a.simulated else 'real'})" for a in said)
-        raise InputError(f"recording: its files are of different robots: {found}")
-    return said[0] if said else None
+    origins = [about for about in stated if about is not None]
+    if any((about.robot, about.simulated) != (origins[0].robot, origins[0].simulated) for about in origins):
+        names = ", ".join(f"{a.robot} ({'simulated' if a.simulated else 'real'})" for a in origins)
+        raise InputError(f"recording: its files are of different robots: {names}")
+    return origins[0] if origins else None
 
 
 def is_journal_name(path: Path) -> bool:

@@ -231,8 +231,8 @@ def encode(topic: Topic, stamp: Integers, columns: Mapping[str, Floats], *, firs
         values = values.reshape(len(stamp), -1) if values.size else values.reshape(len(stamp), column.width)
         values = as_array(name, values, (len(stamp), column.width), finite=column.whole) / column.to_si
         if column.path == "dt":
-            whole, rest = np.divmod(np.rint(values[:, 0] * SECOND).astype(np.int64), SECOND)
-            messages["dt.sec"], messages["dt.nsec"] = whole, rest
+            whole, nanoseconds = np.divmod(np.rint(values[:, 0] * SECOND).astype(np.int64), SECOND)
+            messages["dt.sec"], messages["dt.nsec"] = whole, nanoseconds
             continue
         field = messages[column.path]
         if field.dtype.kind in "iu":

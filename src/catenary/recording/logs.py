@@ -102,8 +102,8 @@ def read_log(
     if units is not None and len(units) != len(names):
         raise InputError(f"{path}: has {len(names)} joints, {', '.join(names)}, but {len(units)} units were given")
     own = dict(zip(log.joint_names, log.joint_units, strict=True))
-    said = tuple(units) if units is not None else tuple(own.get(name, "") for name in names)
-    return log.in_order_of(Joints(names, said), of="those given are")
+    joint_units = tuple(units) if units is not None else tuple(own.get(name, "") for name in names)
+    return log.in_order_of(Joints(names, joint_units), of="those given are")
 
 
 def read_recording(path: str | Path, reading: Reading | None = None) -> MotionLog:
@@ -272,12 +272,12 @@ def read_parquet(path: Path) -> MotionLog:
         raise InputError(f"{path}: joint names must differ, got {', '.join(names)}")
     joints: dict[str, Any] = {}
     for prefix in JOINT_ARRAYS:
-        wanted = [f"{prefix}:{joint}" for joint in names]
-        missing = [name for name in wanted if name not in columns]
-        if missing and len(missing) < len(wanted):
+        own_columns = [f"{prefix}:{joint}" for joint in names]
+        missing = [name for name in own_columns if name not in columns]
+        if missing and len(missing) < len(own_columns):
             raise FileFormatError(f"{path}: column(s) {', '.join(missing)} are missing")
         if not missing:
-            joints[prefix] = np.column_stack([columns.pop(name) for name in wanted])
+            joints[prefix] = np.column_stack([columns.pop(name) for name in own_columns])
     if "q_nominal" not in joints:
         raise FileFormatError(f"{path}: columns q_nominal:<joint> are missing for {', '.join(names)}")
     if "ok" not in columns:

@@ -20,9 +20,9 @@ def open_parquet(path: Path) -> pq.ParquetFile:
         about, size = file.metadata, path.stat().st_size
         if len(file.schema_arrow) > MOST_COLUMNS:
             raise ValueError(f"{len(file.schema_arrow)} columns, expected {MOST_COLUMNS} at most")
-        most = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * size)
-        if 8 * about.num_rows * about.num_columns > most:
+        limit = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * size)
+        if 8 * about.num_rows * about.num_columns > limit:
             raise ValueError(f"{about.num_rows} rows of {about.num_columns} columns in {size} bytes")
-        if sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups)) > most:
-            raise ValueError(f"its pages would unpack to more than {most} bytes")
+        if sum(about.row_group(i).total_byte_size for i in range(about.num_row_groups)) > limit:
+            raise ValueError(f"its pages would unpack to more than {limit} bytes")
     return file

@@ -15,9 +15,9 @@ from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot, robot_names
 from catenary.robots.model import RobotModel
 from catenary.units import DISPLAY
-from catenary.verdict.command_response import MOVED_DEG_MM, Pairs, pairs_of, scales
+from catenary.verdict.command_response import MOVED_BY_OTHERS_DEG_MM, MOVED_DEG_MM, Pairs, pairs_of, scales
 from catenary.verdict.corrections import NO_MEND, Mend
-from catenary.verdict.correspondence import correspondence_findings, joints_in_place
+from catenary.verdict.correspondence import correspondence_findings, joints_in_place, proportional_findings
 from catenary.verdict.delay import Delay
 from catenary.verdict.finding import FINDINGS, Finding, judge, require_names
 from catenary.verdict.sensor_faults import (
@@ -91,7 +91,7 @@ def judged(
         alone: Also search for duplicated segments.
         delays: Known delays of this recording, robot and limits; new ones are added.
     """
-    found, seen, begun = list[Finding](), list[Finding](), mend
+    findings, seen, begun = list[Finding](), list[Finding](), mend
     delays = {} if delays is None else delays
     for _ in range(_MEND_ROUNDS):
         mended = mend(log)
@@ -109,7 +109,7 @@ def judged(
         )
         late_of = partial(_late, delays, mend) if changed is None or changed else None
         seen = [*_together(mended, robot, trained, late_of, changed), *late]
-        found += _as_if(mend, begun, seen, found)
+        findings += _as_if(mend, begun, seen, findings)
         more = mend
         for finding in seen:
             more = (more.and_then(finding.remedy) if finding.refuses else None) or more
@@ -120,13 +120,16 @@ def judged(
             break
         mend = more
     if (pairs := pairs_of(mended)) is not None:  # single rows, after faults of all rows, which look like outliers
-        single = *outlier_findings(mended), *coarse_findings(pairs), *filled_findings(mended), *missing_findings(mended)
+        single = [
+            *outlier_findings(mended), *coarse_findings(pairs), *filled_findings(mended), *missing_findings(mended),
+            *proportional_findings(pairs),
+        ]  # fmt: skip
         wrong = {joint for finding in seen if finding.refuses for joint in finding.joints}
-        found += _as_if(mend, begun, (finding for finding in single if wrong.isdisjoint(finding.joints)), found)
-    found += [each for _, each in repeated_findings([mended])] * alone
+        findings += _as_if(mend, begun, (finding for finding in single if wrong.isdisjoint(finding.joints)), findings)
+    findings += [each for _, each in repeated_findings([mended])] * alone
     left = [finding.name for finding in seen if finding.refuses and not finding.remedy.startswith(MAX_ERROR_OPTION)]
-    found.sort(key=lambda each: each.severity)
-    return Judged(tuple(found), mend, mended, list(dict.fromkeys(left)))
+    findings.sort(key=lambda each: each.severity)
+    return Judged(tuple(findings), mend, mended, list(dict.fromkeys(left)))
 
 
 def _as_if(mend: Mend, begun: Mend, seen: Iterable[Finding], known: Sequence[Finding]) -> list[Finding]:
@@ -251,13 +254,13 @@ def verdict(
     how: dict[str, Any] = {"robot": robot, "max_error": max_error, "trained": trained, "alone": False}
     known = [KnownDelays() for _ in logs] if delays is None else delays
     own = of_each(lambda each, _: judged(each[0], delays=each[1], **how).findings, [*zip(logs, known, strict=True)])
-    found = [(log.name, finding) for log, findings in zip(logs, own, strict=True) for finding in findings]
+    findings_by_name = [(log.name, finding) for log, findings in zip(logs, own, strict=True) for finding in findings]
     if testing:
-        found = [(name, each) for name, each in found if not FINDINGS[each.name].learning]
+        findings_by_name = [(name, each) for name, each in findings_by_name if not FINDINGS[each.name].learning]
     else:
-        found += repeated_findings(logs)
-    of_name = {name: each.delay for name, each in found if each.delay is not None}
-    return Passed(judge(found, accept, done=done), [of_name.get(log.name) for log in logs])
+        findings_by_name += repeated_findings(logs)
+    of_name = {name: each.delay for name, each in findings_by_name if each.delay is not None}
+    return Passed(judge(findings_by_name, accept, done=done), [of_name.get(log.name) for log in logs])
 
 
 def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept: Collection[str] = ()) -> list[str]:
@@ -266,7 +269,7 @@ def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept:
     Args:
         train, test, accept: Recordings of each, and names of findings to ignore.
     """
-    found = []
+    findings = []
     for log in test:
         own = np.unique(log.row_hashes[log.ok])
         for other in train:
@@ -274,11 +277,11 @@ def require_apart(train: Sequence[MotionLog], test: Sequence[MotionLog], accept:
             if same > _MAX_SHARED_SHARE * len(own):
                 says = f'{same} of its {len(own)} measured rows are in "{other.name}", which is trained on'
                 culprit = "one recording copied, cut or renamed"
-                found.append((log.name, Finding("tested", (), says, culprit)))
+                findings.append((log.name, Finding("tested", (), says, culprit)))
             elif log.was_there(other.poses):
                 says = f'at its times the arm was where "{other.name}" has it, which is trained on'
-                found.append((log.name, Finding("tested", (), says, "one recording, read at another rate")))
-    return judge(found, accept)
+                findings.append((log.name, Finding("tested", (), says, "one recording, read at another rate")))
+    return judge(findings, accept)
 
 
 def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
@@ -303,7 +306,7 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
     numbers = np.concatenate(where)
     again = np.ones(len(numbers), dtype=bool)
     again[first] = False
-    found, known = [], [(log.name, log.poses) for log in logs]
+    findings, known = [], [(log.name, log.poses) for log in logs]
     for number, log in enumerate(logs):
         says = [f'its minutes are those of "{other}"' for other, poses in known[:number] if log.was_there(poses)]
         share = float(again[numbers == number].mean()) if (numbers == number).any() else 0.0
@@ -312,14 +315,12 @@ def repeated_findings(logs: Sequence[MotionLog]) -> list[tuple[str, Finding]]:
         if says:
             culprit = "one recording copied, joined to itself, or read at another rate"
             reason = f"{says[0]}: it is no independent test"
-            found.append((log.name, Finding("twice", (), reason, culprit, refuses=False)))
-    return found
+            findings.append((log.name, Finding("twice", (), reason, culprit, refuses=False)))
+    return findings
 
 
 _MIN_ROWS = 40  # smallest number of measured rows for cross-validation over blocks
 _MIN_DURATION_S = 5.0  # [s] too short for an arm to visit its workspace
-# a wrist's cables couple its joints: on a real arm, moving one alone turns the other by 16 deg
-_MOVED_BY_OTHERS_DEG_MM = {"rad": 20.0, "m": 10.0}  # [deg, mm] largest motion of a joint by other joints' commands
 
 
 def extent_findings(log: MotionLog) -> Iterator[Finding]:
@@ -355,7 +356,7 @@ def extent_findings(log: MotionLog) -> Iterator[Finding]:
             if np.ptp(column) == 0.0 and command > MOVED_DEG_MM:
                 says = f"every measurement is {column[0]:.4g} {shown}, while the command moves by {command:.3g}"
                 yield Finding("constant", (name,), says, "a channel without a sensor")
-            elif command == 0.0 and span > _MOVED_BY_OTHERS_DEG_MM[unit]:
+            elif command == 0.0 and span > MOVED_BY_OTHERS_DEG_MM[unit]:
                 says = f"every command is the same, while the measurement moves by {span:.3g} {shown}"
                 yield Finding("constant", (name,), says, "a channel that was not recorded")
     for what, values in (("torque", log.tau), ("velocity", log.qd)):

@@ -22,6 +22,13 @@ _REVERSAL_SHARE = 0.05  # share of a joint's range that it must go back by for a
 _STRETCHES, _STRETCH_ROWS, _STRETCH_S = 8, 2000, 60.0
 MOVED_DEG_MM = 1.0  # [deg, mm] least range of a joint that counts as moved: below it, encoders and cameras see noise
 
+# a wrist's cables couple its joints: on a real arm, moving one alone turns the other by 16 deg
+MOVED_BY_OTHERS_DEG_MM = {"rad": 20.0, "m": 10.0}  # [deg, mm] largest motion of a joint by other joints' commands
+# Of a joint that others pull: its command's range in such motions, the unexplained share of variance, the slope, where
+# it follows no command by such a correlation and slope near one. Untouched windows of 75 poses: 1.5, .056, -.21.
+_PULLED_RATIO, _MAX_PULLED_UNEXPLAINED, _MIN_PULLED_SLOPE = 2.0, 0.1, -0.25
+_FOLLOWING, _WHOLE_WITHIN = 0.95, 0.15
+
 
 def scales(log: MotionLog) -> Floats:
     """Return the factors of joint positions to deg and mm, (n,)."""
@@ -126,6 +133,17 @@ def behind_slack(pairs: Pairs, i: int, own: int, allowed: tuple[float, float], *
     return BehindSlack(best, best_left, of_cables)
 
 
+def is_pulled(pairs: Pairs, i: int, own: int) -> bool:
+    """Return whether a joint's command moves so little that other joints' friction explains how it moves instead."""
+    little = _PULLED_RATIO * MOVED_BY_OTHERS_DEG_MM[pairs.log.joint_units[i]]
+    follows = np.abs(pairs.correlation[i]) > _FOLLOWING
+    whole = np.abs(np.abs(pairs.slope[i]) - 1.0) < _WHOLE_WITHIN  # as far as a command: another joint's column
+    if np.ptp(pairs.q[:, own]) > little or follows[own] or np.any(follows & whole):
+        return False
+    moves = behind_slack(pairs, i, own, (0.0, np.inf), shared=False)
+    return moves.unexplained < _MAX_PULLED_UNEXPLAINED and moves.slope > _MIN_PULLED_SLOPE
+
+
 def pairs_of(log: MotionLog) -> Pairs | None:
     """Pair commands and measurements; None of a recording with fewer than three rows of both."""
     if log.q_encoder is None or log.ok.sum() < 3:
@@ -169,12 +187,37 @@ def in_stretches(rows: Integers, most: int, command: Floats, time: Floats | None
     return rows[spread(len(rows), most)]
 
 
+def speeds_of(log: MotionLog) -> Floats:
+    """Return speeds between neighbouring rows (M, n) [rad/s|m/s], or per row without stamps."""
+    moved = np.abs(np.diff(log.q_nominal, axis=0))
+    if log.time is None:
+        return moved
+    steps = np.diff(log.time)
+    step = float(np.median(steps))
+    near = np.abs(steps - step) < 0.5 * step
+    return np.asarray(moved[near] / steps[near, None])
+
+
+def evenness(speeds: Floats) -> tuple[float, bool]:
+    """Return the share of a joint's mean square speed that goes with the direction, and whether it has one speed."""
+    moving = speeds[speeds > STANDING_SHARE * np.sqrt(np.mean(speeds**2))]
+    if not len(moving):
+        return 0.0, False
+    usual = np.median(moving)
+    along = min(float(np.mean(moving)) ** 2 / float(np.mean(moving**2)), 1.0 - 1e-9)
+    return along, bool(along > _EVEN or np.mean(np.abs(moving - usual) < _EVEN_WITHIN * usual) > _EVEN_SHARE)
+
+
 def reversals_of(command: Floats) -> int:
     """Return the number of reversals of a command (N,), by _REVERSAL_SHARE of its range or more."""
     way = np.sign(np.diff(play(np.ascontiguousarray(command), _REVERSAL_SHARE / 2.0 * float(np.ptp(command)))))
     return int((np.diff(way[way != 0.0]) != 0.0).sum())
 
 
+STANDING_SHARE = 0.1  # share of a joint's RMS speed below which it stands still
+# speed is constant if its squared mean is nearly its mean square (.98 on zig-zags, .5 to .94 on random motion), or if
+# it is within a tenth of its median on most rows (.75 of a zig-zag with 30 s of random motion, .1 of random motion)
+_EVEN, _EVEN_WITHIN, _EVEN_SHARE = 0.95, 0.1, 0.5
 # radii of plays, as shares of a joint's range: few where they are tried again and again, as for each delay
 PLAY_RADII = (0.003, 0.01, 0.03, 0.08, 0.11, 0.14, 0.17, 0.2)
 FINE_RADII = (0.001, 0.002, 0.004, 0.007, 0.012, 0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.2)
@@ -236,12 +279,12 @@ def hysteresis_of(log: MotionLog) -> list[Hysteresis]:
     turns = [reversals_of(q[:, k]) if k in moved else 0 for k in range(q.shape[1])]
     if log.q_encoder is None or log.ok.sum() < MIN_EXPLAINED_ROWS:
         return [Hysteresis(np.nan, np.nan, count) for count in turns]
-    found = []
+    hysteresis = []
     for k, scale in enumerate(scales(log)):
         rows = in_stretches(np.flatnonzero(log.ok), MAX_EXPLAINED_ROWS, q[:, k], log.time)
         seen = scale * log.q_encoder[rows, k]
-        found.append(Hysteresis(*(_loop(q, k, moved, rows, seen) if k in moved else (np.nan, np.nan)), turns[k]))
-    return found
+        hysteresis.append(Hysteresis(*(_loop(q, k, moved, rows, seen) if k in moved else (np.nan, np.nan)), turns[k]))
+    return hysteresis
 
 
 def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats) -> tuple[float, float]:
@@ -256,11 +299,13 @@ def _loop(q: Floats, own: int, moved: list[int], rows: np.ndarray, seen: Floats)
         free, plays = columns[keep, : -len(FINE_RADII)], columns[keep, -len(FINE_RADII) :]
         onto = np.linalg.qr(free)[0]
         weights = nnls(plays - onto @ (onto.T @ plays), y[keep] - onto @ (onto.T @ y[keep]))[0]
-        rest = y - columns[:, -len(FINE_RADII) :] @ weights
-        left = np.abs(rest - columns[:, : -len(FINE_RADII)] @ np.linalg.lstsq(free, rest[keep], rcond=None)[0])
+        without_plays = y - columns[:, -len(FINE_RADII) :] @ weights
+        left = np.abs(
+            without_plays - columns[:, : -len(FINE_RADII)] @ np.linalg.lstsq(free, without_plays[keep], rcond=None)[0]
+        )
         keep = left <= TRIM_SIGMAS * 1.4826 * np.median(left) + 1e-9
     command = columns[keep, moved.index(own)]
-    alone = float(command @ rest[keep] / (command @ command))  # what follows at once
+    alone = float(command @ without_plays[keep] / (command @ command))  # what follows at once
     follows = alone + np.cumsum(weights)
     if follows[-1] <= 0.0:  # it follows another command, or the wrong way round
         return np.nan, np.nan

@@ -69,18 +69,18 @@ class Mend:
                 key, kept = _settled(log, step, text)
                 settled[key] = (*settled.get(key, ()), kept)
             log = changed
-        said = [f"corrected by {' '.join(notes[0])}"] * bool(notes[0])
-        said += [f"{AS_TRAINED}: {' '.join(notes[1])}; --as-is disables this"] * bool(notes[1])
-        return replace(log, notes=(*log.notes, *said), settled=settled) if said else log
+        corrections = [f"corrected by {' '.join(notes[0])}"] * bool(notes[0])
+        corrections += [f"{AS_TRAINED}: {' '.join(notes[1])}; --as-is disables this"] * bool(notes[1])
+        return replace(log, notes=(*log.notes, *corrections), settled=settled) if corrections else log
 
     def _steps(self) -> list[tuple[str, str]]:
-        given = {step: getattr(self, step) for step in _STEPS}
-        given |= {
+        texts_of = {step: getattr(self, step) for step in _STEPS}
+        texts_of |= {
             "delay": (f"{self.delay:g}",) * bool(self.delay),
             "shift": (str(self.shift),) * bool(self.shift),
             "time_unit": (self.time_unit,) * (self.time_unit != "s"),
         }
-        return [(step, text) for step, texts in given.items() for text in texts]
+        return [(step, text) for step, texts in texts_of.items() for text in texts]
 
     @property
     def options(self) -> tuple[str, ...]:
@@ -139,9 +139,9 @@ def si_units(units: Sequence[str]) -> tuple[str, ...]:
 
 def units_of(text: str) -> tuple[str | None, tuple[str, ...]]:
     """Return the array that an option such as `--units` names, if any, and the words that follow."""
-    array, _, rest = text.partition(":")
+    array, _, units = text.partition(":")
     # a joint's name may hold a colon of its own
-    words = tuple(word.strip() for word in (rest if array in _ARRAYS else text).split(","))
+    words = tuple(word.strip() for word in (units if array in _ARRAYS else text).split(","))
     return (array if array in _ARRAYS else None), words
 
 
@@ -198,7 +198,7 @@ def _unwrap(log: MotionLog, text: str) -> MotionLog:
     for name, period in periods.items():
         j = _joint(log, name, "--unwrap")
         away = values[:, j] - log.q_nominal[:, j]
-        values[:, j] -= period * np.round((away - np.median(away[log.ok])) / period)
+        values[:, j] -= period * np.round((away - np.percentile(away[log.ok], 50.0, method="lower")) / period)
     return replace(log, **{key: values})  # type: ignore[arg-type]  # an array by its name
 
 

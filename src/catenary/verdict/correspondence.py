@@ -1,12 +1,12 @@
 """Does each measured joint follow its own command? Every measurement is correlated with every command."""
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from catenary.arrays import Floats, Integers
-from catenary.units import DISPLAY
-from catenary.verdict.command_response import Pairs, behind_slack
+from catenary.arrays import Flags, Floats, Integers, spread
+from catenary.verdict.command_response import Pairs, behind_slack, is_pulled, scales
 from catenary.verdict.finding import Finding
 
 # On a real wrist with 20 deg of hysteresis a measurement keeps a correlation of 0.82 with its command, and no
@@ -21,13 +21,17 @@ _NEAR_DEG_MM = 0.5  # [deg, mm] distance between command and measurement below w
 # of the rows, on which a measurement is its command to the last bit: no sensor agrees so well on one
 _COPIED_SHARE = 0.5
 _SINGLE_PRECISION = 1e-6  # of a position, to which single precision keeps it
-# of a measurement's variance, that its own command leaves, where all commands together leave a tenth of it
-_MIXED_UNEXPLAINED, _MIXED_RATIO = 0.1, 10.0
-# that they leave together where they were mixed in a file: friction that wrists' joints share leaves more (untouched
-# windows of 75 poses .03 and .06, frames turned by 53 deg .006 and less)
-_MAX_MIXED_UNEXPLAINED = 0.015
+# of a measurement's variance, that its own command leaves, where all commands together leave a tenth of it: a note
+_SHARED, _SHARED_RATIO = 0.1, 10.0
+# Sums were made in a file where they leave less than this of a measurement, and of its error: 53 deg of another frame
+# .006, .3 of a joint .003 and .13; untouched windows of 75 poses, whose wrists' joints share friction, .017 and more.
+_MAX_MIXED, _MAX_MIXED_OF_ERROR = 0.01, 0.25
+_MIN_ROWS_A_JOINT, _MAX_ROWS = 10, 20_000
+_ENTRY_ERRORS, _MIN_ENTRY = 12.0, 0.05  # standard errors of such an entry, 9 where untouched; its size in deg, mm
 _SHARE_OF_SUM = 0.03  # of a sum's spread, below which an entry may be what cables do
 _OWN_ENTRY = 0.15  # by which a joint's own entry may differ from one without being of a frame
+# from which such a difference is noted, standard errors of it, and what it leaves of the error: arms' own are smaller
+_MIN_SHARE, _SHARE_ERRORS, _MAX_SHARE_OF_ERROR = 0.03, 8.0, 0.6
 _MAX_CONDITION = 10.0  # of a matrix that is undone: errors of its entries grow by as much
 _BLOCKS = 8
 
@@ -40,14 +44,14 @@ def joints_in_place(pairs: Pairs) -> Integers:
         return place
     inside = np.ix_(moving, moving)
     unexplained = np.log(np.maximum(1.0 - pairs.correlation[inside] ** 2, _MIN_UNEXPLAINED))
-    found = _assigned(unexplained)
-    if (found == np.arange(len(moving))).all():
+    assigned = _assigned(unexplained)
+    if (assigned == np.arange(len(moving))).all():
         # commands that move as one are distinguished by where they stand, in the same units
         units = np.array(pairs.log.joint_units)
         apart = np.array([np.median(np.abs(m[:, None] - pairs.q), axis=0) for m in pairs.m.T])
         distances = np.where(units[:, None] == units, np.log(np.maximum(apart, _NEAR_DEG_MM)), np.log(1e6))
-        found = _assigned(distances[inside], among=unexplained)
-    place[moving] = moving[found]
+        assigned = _assigned(distances[inside], among=unexplained)
+    place[moving] = moving[assigned]
     return place
 
 
@@ -55,13 +59,13 @@ def _assigned(cost: Floats, among: Floats | None = None) -> Integers:
     """Return the assignment of least cost (logarithms), without cycles that hardly gain, or harm `among` others."""
     from scipy.optimize import linear_sum_assignment
 
-    found = np.asarray(linear_sum_assignment(cost)[1], dtype=np.int64)
-    for rows in map(np.array, _cycles_of(found)):
-        gain = float(np.mean(cost[rows, rows] - cost[rows, found[rows]]))
-        worse = among is not None and np.any(among[rows, found[rows]] > among[rows, rows] + np.log(1.5))
+    assigned = np.asarray(linear_sum_assignment(cost)[1], dtype=np.int64)
+    for rows in map(np.array, _cycles_of(assigned)):
+        gain = float(np.mean(cost[rows, rows] - cost[rows, assigned[rows]]))
+        worse = among is not None and np.any(among[rows, assigned[rows]] > among[rows, rows] + np.log(1.5))
         if gain < np.log(_CLEAR_RATIO) or worse:
-            found[rows] = rows
-    return found
+            assigned[rows] = rows
+    return assigned
 
 
 def _cycles_of(permutation: Integers) -> list[list[int]]:
@@ -85,14 +89,16 @@ def correspondence_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding
     for i in np.flatnonzero(pairs.moved[place] & pairs.seen_moving & ~np.array(explained)).tolist():
         r, name = float(pairs.correlation[i, place[i]]), pairs.names[i]
         spread, of_command = float(pairs.m[:, i].std()), float(pairs.q[:, place[i]].std())
+        if r < _MIN_CORRELATION and is_pulled(pairs, i, place[i]):
+            continue
         if r < -_MIN_CORRELATION:
             command = pairs.names[place[i]]
             says = f"the measurement falls when the command of {command} rises (correlation {r:.2f})"
             culprit = "an axis that points the other way in one of the two"
             findings.append(Finding("sign", (name,), says, culprit, f"--sign {name}"))
         elif r < _MIN_CORRELATION and spread > _SAME_SPREAD_RATIO * of_command and of_command > _MIN_SPREAD_DEG_MM:
-            found = behind_slack(pairs, i, place[i], (_MIN_SLOPE, np.inf), shared=False)
-            if found.slope > _MIN_SLOPE and found.unexplained < _MAX_UNEXPLAINED:
+            moves = behind_slack(pairs, i, place[i], (_MIN_SLOPE, np.inf), shared=False)
+            if moves.slope > _MIN_SLOPE and moves.unexplained < _MAX_UNEXPLAINED:
                 continue  # slack and other joints hide it in little motion
             says = (
                 f"the measurement follows no command (correlation {r:.2f} with its own, expected above "
@@ -114,57 +120,90 @@ def _copied(pairs: Pairs) -> Iterator[Finding]:
         yield Finding("copied", names, f"on {rows} the measurement is the command itself", culprit)
 
 
+class _Sum(NamedTuple):
+    """A measurement as a sum of commands that move, and what it leaves unexplained."""
+
+    entries: Floats  # (k,) in SI of the measurement over SI of each command
+    errors: Floats  # (k,) their standard errors
+    counts: Flags  # (k,) entries that matter
+    unexplained: float  # share of the measurement's variance
+    of_error: float  # the same of measurement less own command
+
+
+def _sum_of(pairs: Pairs, i: int, moving: Integers) -> _Sum | None:
+    rows = np.flatnonzero(pairs.likely[:, i])
+    if len(rows) < _MIN_ROWS_A_JOINT * len(moving):
+        return None
+    rows = rows[spread(len(rows), _MAX_ROWS)]
+    X, y = pairs.q[np.ix_(rows, moving)], pairs.m[rows, i]
+    X, y = X - X.mean(axis=0), y - y.mean()
+    # a sum holds on either half by the other; chance in slow motion does not
+    late = np.arange(len(y)) >= len(y) // 2
+    left = np.concatenate(
+        [y[~part] - X[~part] @ np.linalg.lstsq(X[part], y[part], rcond=None)[0] for part in (late, ~late)]
+    )
+    # errors by leaving out blocks of rows in turn
+    block = np.arange(len(y)) * _BLOCKS // len(y)
+    parts = np.array([np.linalg.lstsq(X[block != b], y[block != b], rcond=None)[0] for b in range(_BLOCKS)])
+    entries, errors = parts.mean(axis=0), np.sqrt(_BLOCKS - 1) * parts.std(axis=0)
+    sizes = (float(left @ left) / max(float(x @ x), 1e-300) for x in (y, y - X[:, moving == i][:, 0]))
+    to_si = scales(pairs.log)[moving] / scales(pairs.log)[i]
+    return _Sum(entries * to_si, errors * to_si, np.abs(entries) * X.std(axis=0) > _SHARE_OF_SUM * y.std(), *sizes)
+
+
 def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
     """Find measurements that are sums of commands, their own with others', and the matrix that parts them.
 
     A sum in another joint's place is first put into its own.
     """
-    own_place, moving = place == np.arange(len(place)), np.flatnonzero(pairs.moved)
-    matrix, said, entries, refuses = np.eye(len(pairs.names)), list[str](), list[str](), False
-    shown = np.array([DISPLAY[unit][1] for unit in pairs.log.joint_units])
+    own_place, moving, names = place == np.arange(len(place)), np.flatnonzero(pairs.moved), pairs.names
+    made, shared, shown = dict[int, _Sum](), dict[int, _Sum](), scales(pairs.log)
     for i in np.flatnonzero(own_place & pairs.moved & pairs.seen_moving).tolist():
-        alone = 1.0 - float(pairs.correlation[i, i]) ** 2
-        rows = pairs.likely[:, i]
-        if alone < _MIXED_UNEXPLAINED or rows.sum() < 4 * len(moving):
+        alone, of_all = 1.0 - float(pairs.correlation[i, i]) ** 2, _sum_of(pairs, i, moving)
+        if of_all is None:
             continue
-        X = pairs.q[np.ix_(rows, moving)]
-        X, y = X - X.mean(axis=0), pairs.m[rows, i] - pairs.m[rows, i].mean()
-        early = np.arange(len(y)) < len(y) // 2
-        # a sum holds on either half by the other; chance in slow motion does not
-        halves = [(part, np.linalg.lstsq(X[~part], y[~part], rcond=None)[0]) for part in (early, ~early)]
-        left = sum(float(np.square(y[part] - X[part] @ found).sum()) for part, found in halves)
-        together = left / float(np.square(y).sum())
-        if alone < _MIXED_RATIO * together:
-            continue
-        refuses |= together < _MAX_MIXED_UNEXPLAINED
-        own, error = _entries(X, y)
-        counts = np.abs(own) * X.std(axis=0) > _SHARE_OF_SUM * y.std()
-        to_si = shown[moving] / shown[i]
-        for k, entry, width, is_in in zip(moving, own * to_si, 2.0 * error * to_si, counts, strict=True):
-            is_other = is_in if k != i else abs(entry - 1.0) > _OWN_ENTRY
-            matrix[i, k] = entry if is_other else float(k == i)
-            entries += [f"{pairs.names[i]}/{pairs.names[k]} {entry:.4g} +- {width:.1g}"] * bool(is_in)
-        said.append(f"{pairs.names[i]}: its command leaves {alone:.0%} of its variance, all together {together:.1%}")
-    if said and not refuses:
-        names = tuple(text.partition(":")[0] for text in said)
-        says = f"measurements follow several joints' commands ({'; '.join(said)})"
-        yield Finding("mixed", names, says, "friction that joints share", refuses=False)
-    elif said:
-        names, one = tuple(text.partition(":")[0] for text in said), np.eye(len(matrix))
-        says = f"measurements are sums of commands ({'; '.join(said)}), by {', '.join(entries)}"
+        entries, errors, counts, unexplained, of_error = of_all
+        least = np.maximum(_MIN_ENTRY * shown[moving] / shown[i], _ENTRY_ERRORS * errors)
+        sure = counts & (moving != i) & (np.abs(entries) > least)
+        if sure.any() and counts.sum() > 1 and unexplained < _MAX_MIXED and of_error < _MAX_MIXED_OF_ERROR:
+            made[i] = of_all
+        elif alone > max(_SHARED, _SHARED_RATIO * unexplained):
+            shared[i] = of_all
+    words = "; ".join(
+        f"{names[i]}: its command leaves {1.0 - pairs.correlation[i, i] ** 2:.0%} of its variance, all together "
+        f"{of_all.unexplained:.1%}"
+        for i, of_all in (made or shared).items()
+    )
+    joints, matrix, one = tuple(names[i] for i in made or shared), np.eye(len(names)), np.eye(len(names))
+    if shared and not made:
+        says = f"measurements follow several joints' commands ({words})"
+        yield Finding("mixed", joints, says, "friction that joints share", refuses=False)
+    elif made:
+        rows = [(i, *row) for i, of_all in made.items() for row in zip(moving, *of_all[:3], strict=True) if row[3]]
+        for i, k, entry, *_ in rows:
+            matrix[i, k] = entry if k != i or abs(entry - 1.0) > _OWN_ENTRY else 1.0
+        by = ", ".join(f"{names[i]}/{names[k]} {entry:.4g} +- {2.0 * error:.1g}" for i, k, entry, error, _ in rows)
+        says = f"measurements are sums of commands ({words}), by {by}"
         if np.linalg.cond(matrix) > _MAX_CONDITION:
-            yield Finding("mixed", names, says, "one sum in the place of several joints, which nothing parts")
+            yield Finding("mixed", joints, says, "one sum in the place of several joints, which nothing parts")
             return
-        turned = _couple(matrix - one, pairs.names)
+        turned = _couple(matrix - one, names)
         culprit = f"motor positions, or another frame; if the robot reports these, --couple q_nominal:{turned}"
-        yield Finding("mixed", names, says, culprit, f"--couple {_couple(np.linalg.inv(matrix) - one, pairs.names)}")
+        yield Finding("mixed", joints, says, culprit, f"--couple {_couple(np.linalg.inv(matrix) - one, names)}")
 
 
-def _entries(X: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Return coefficients (k,) of columns (N, k), and their standard errors by leaving out blocks of rows in turn."""
-    of_block = np.arange(len(y)) * _BLOCKS // len(y)
-    each = np.array([np.linalg.lstsq(X[of_block != b], y[of_block != b], rcond=None)[0] for b in range(_BLOCKS)])
-    return each.mean(axis=0), np.sqrt((_BLOCKS - 1) / _BLOCKS * np.square(each - each.mean(axis=0)).sum(axis=0))
+def proportional_findings(pairs: Pairs) -> Iterator[Finding]:
+    """Note errors that are, for a large part, a share of the joint's own motion."""
+    moving = np.flatnonzero(pairs.moved)
+    for i in np.flatnonzero(pairs.moved & pairs.seen_moving).tolist():
+        of_all = _sum_of(pairs, i, moving)
+        if of_all is None or of_all.of_error > _MAX_SHARE_OF_ERROR:
+            continue
+        share, error = (float(column[moving == i][0]) for column in of_all[:2])
+        if max(_MIN_SHARE, _SHARE_ERRORS * error) < abs(share - 1.0) < _OWN_ENTRY:
+            says = f"its error holds {share - 1.0:+.3f} +- {2.0 * error:.1g} of its motion"
+            culprit = "cables that stretch, or a wrong scale of the sensor: one recording cannot tell which"
+            yield Finding("scale", (pairs.names[i],), f"{says}; a fit takes the measurement's", culprit, refuses=False)
 
 
 def _couple(matrix: Floats, names: Sequence[str]) -> str:

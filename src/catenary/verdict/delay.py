@@ -30,9 +30,11 @@ from catenary.verdict.command_response import (
     PLAY_RADII,
     TRIM_SIGMAS,
     Explanation,
+    evenness,
     in_stretches,
     reversals_of,
     scales,
+    speeds_of,
 )
 
 LOOKS = 6.0
@@ -71,6 +73,7 @@ class Delay:
     apart_by: float = 0.0  # standard deviations of that difference
     median: float = 0.0  # of all joints' own delays
     alone: tuple[tuple[str, float, float], ...] = ()  # each joint's interval, if it had its own clock
+    even: tuple[str, ...] = ()  # joints that move at one speed, as on zig-zags, which hides their delays
     span: float = 0.0  # [s] of the rows used
     middle: float = 0.0  # [s] from the first row of the recording to the middle of the rows used
 
@@ -99,13 +102,15 @@ class Delay:
     @property
     def _single(self) -> str:
         """Return the sentence on delays of single joints that the recording does not exclude."""
-        most = _UNTOLD[self.unit]
+        limit = _UNTOLD[self.unit]
         wide = [joint for joint in self.alone if joint[2] - joint[1] > SHARP[self.unit]]
-        ranges = [f"{joint} {low:+.2f} to {high:+.2f}" for joint, low, high in wide if high - low <= most]
-        untold = [joint for joint, low, high in self.alone if high - low > most]
+        ranges = [f"{joint} {low:+.2f} to {high:+.2f}" for joint, low, high in wide if high - low <= limit]
+        untold = [joint for joint, low, high in self.alone if high - low > limit]
         alone = f"; for one joint alone, {', '.join(ranges)} {self.unit}" if ranges else ""
-        more = f"; for {', '.join(untold)} alone, any: half a minute of random motion would show it" if untold else ""
-        return alone + more
+        for motion, joints in (("half a minute of random", {*self.even}), ("faster", {*untold} - {*self.even})):
+            if names := ", ".join(joint for joint in untold if joint in joints):
+                alone += f"; for {names} alone, any: {motion} motion would show it"
+        return alone
 
 
 def delay_of(
@@ -163,6 +168,8 @@ def delay_of(
         first, last = _interval(grid, cost, CERTAIN_SIGMAS**2 / each)
         # a joint's interval includes the common delay
         alone.append((log.joint_names[i], min(first, low), max(last, high)))
+    speeds = speeds_of(log)
+    even = tuple(log.joint_names[i] for i in joints if evenness(speeds[:, places[i]])[1])
     near_low, near_high = _interval(grid, total, _LIKELY_SIGMAS**2 / worth)
     sure: Literal["certain", "likely", "none"] = "none"
     if best not in (0, len(grid) - 1) and max(near_low, -near_high) > tolerance:
@@ -184,7 +191,7 @@ def delay_of(
              for i, look, d, z2 in of_joints if z2 > 1.0]  # fmt: skip
     return Delay(
         seconds, low, high, sure, change, unit, float(total[best]), tuple(apart),
-        apart_by, float(np.median(own)), tuple(alone), span, middle,
+        apart_by, float(np.median(own)), tuple(alone), even, span, middle,
     )  # fmt: skip
 
 
@@ -203,8 +210,8 @@ def _unbroken(t: Floats, step: float, about: float, reach: float) -> Flags:
     part = np.searchsorted(cuts, np.arange(len(t)), side="left")
     first, last = np.r_[0, cuts + 1], np.r_[cuts, len(t) - 1]
     from_, to = t - about - reach, t - about + reach
-    found: Flags = (from_ >= t[first][part]) & (to <= t[last][part])
-    return found
+    unbroken: Flags = (from_ >= t[first][part]) & (to <= t[last][part])
+    return unbroken
 
 
 class _Motion(NamedTuple):
@@ -225,12 +232,12 @@ class _JointLook:
         away = np.abs(error - np.median(error[inside]))
         rows = np.flatnonzero(inside & (away <= _OUTLIER_SIGMAS * max(1.4826 * float(np.median(away[inside])), 1.0)))
         rows = in_stretches(rows, MAX_EXPLAINED_ROWS, q[:, own], motion.t if motion.in_time else None)
-        few_rows, asked = len(q) <= _TABLED_ROWS, None
+        few_rows, stretches = len(q) <= _TABLED_ROWS, None
         if not few_rows:
             farthest = 2.0 * coarse[0] - coarse[1], 2.0 * coarse[-1] - coarse[-2]  # finer ones go beyond
             last, first = (np.searchsorted(self.t, self.t[rows] - d) for d in farthest)
-            asked = [*zip(np.maximum(first - 2, 0).tolist(), (last + 2).tolist(), strict=True)]
-        explanation = Explanation(q, own, motion.moved, len(rows), asked=asked)
+            stretches = [*zip(np.maximum(first - 2, 0).tolist(), (last + 2).tolist(), strict=True)]
+        explanation = Explanation(q, own, motion.moved, len(rows), asked=stretches)
         self.columns_at = explanation.at(np.arange(len(q))).__getitem__ if few_rows else explanation.at
         few = rows[spread(len(rows), _SCANNED_ROWS)]
         best = coarse[int(np.argmin([np.mean(self.unexplained(few, d) ** 2) for d in coarse]))]
@@ -254,11 +261,11 @@ class _JointLook:
         # blocks follow each other
         _, firsts, counts = np.unique(self.block[rows], return_index=True, return_counts=True)
         columns -= np.repeat(np.add.reduceat(columns, firsts) / counts[:, None], counts, axis=0)
-        free, rest = columns[:, : -1 - len(PLAY_RADII)], columns[:, -1 - len(PLAY_RADII) :]
+        free, others = columns[:, : -1 - len(PLAY_RADII)], columns[:, -1 - len(PLAY_RADII) :]
         free = free / (np.sqrt(np.einsum("ij,ij->j", free, free)) + 1e-12)  # thrice as fast as NumPy's norm
         gram = free.T @ free + 1e-6 * np.eye(free.shape[1])
-        rest = rest - free @ np.linalg.solve(gram, free.T @ rest)
-        plays, y = rest[:, :-1], rest[:, -1]
+        others = others - free @ np.linalg.solve(gram, free.T @ others)
+        plays, y = others[:, :-1], others[:, -1]
         plays = plays / (np.sqrt(np.einsum("ij,ij->j", plays, plays)) + 1e-9 * np.sqrt(len(y)))
         lower = np.linalg.cholesky(plays.T @ plays + 1e-6 * np.eye(len(PLAY_RADII)))
         left: Floats = y - plays @ nnls(lower.T, np.linalg.solve(lower, plays.T @ y))[0]
@@ -270,8 +277,8 @@ class _JointLook:
         n = np.maximum(np.bincount(b, minlength=_BLOCKS), 1)
         squares = [self.unexplained(self.rows, d) ** 2 for d in delays]
         each = [np.r_[s.mean(), np.bincount(b, s, minlength=_BLOCKS) / n] for s in squares]
-        found: Floats = np.log(np.array(each) + _RESOLUTION_DEG_MM**2)
-        return found
+        costs: Floats = np.log(np.array(each) + _RESOLUTION_DEG_MM**2)
+        return costs
 
 
 def _scan(looks: Sequence[_JointLook], coarse: Floats, step: float) -> tuple[Floats, Floats]:
@@ -354,10 +361,10 @@ class _Clocks:
     def _descent(self, delay: float, change: float, reach: float) -> tuple[float, float, float]:
         width = reach
         for turn in range(_DESCENTS):
-            most = MAX_EXPLAINED_ROWS if turn > 1 else _SCANNED_ROWS
+            count = MAX_EXPLAINED_ROWS if turn > 1 else _SCANNED_ROWS
             asides = width * np.linspace(-1.0, 1.0, 11)
-            change += float(asides[np.argmin([self.cost(delay, change + aside, most) for aside in asides])])
-            delay += float(asides[np.argmin([self.cost(delay + aside, change, most) for aside in asides])])
+            change += float(asides[np.argmin([self.cost(delay, change + aside, count) for aside in asides])])
+            delay += float(asides[np.argmin([self.cost(delay + aside, change, count) for aside in asides])])
             width *= _FINER
         return self.cost(delay, change), delay, change
 

@@ -69,10 +69,10 @@ def sensor_findings(pairs: Pairs, place: Integers) -> tuple[list[Finding], Flags
                 break
         else:
             stuck.append(([i], still))
-    found, lost = [_stuck(pairs, joints, rows) for joints, rows in stuck], np.zeros(len(pairs.log), dtype=bool)
-    for each, (_, rows) in zip(found, stuck, strict=True):
+    findings, lost = [_stuck(pairs, joints, rows) for joints, rows in stuck], np.zeros(len(pairs.log), dtype=bool)
+    for each, (_, rows) in zip(findings, stuck, strict=True):
         lost[np.flatnonzero(pairs.log.ok)[rows & each.refuses]] = True
-    return found or _held(pairs), lost
+    return findings or _held(pairs), lost
 
 
 def _held(pairs: Pairs) -> list[Finding]:
@@ -135,10 +135,10 @@ def _off_lines(x: Floats, at: Floats) -> Floats:
 
 def _largest(columns: Iterable[Floats], rows: int) -> Floats:
     """Return the largest magnitude over columns, (N,): one at a time, so that long recordings need little memory."""
-    found = np.zeros(rows)
+    largest = np.zeros(rows)
     for column in columns:
-        np.maximum(found, np.abs(column), out=found)
-    return found
+        np.maximum(largest, np.abs(column), out=largest)
+    return largest
 
 
 def _stuck(pairs: Pairs, joints: list[int], still: Flags) -> Finding:
@@ -233,8 +233,8 @@ def missing_findings(log: MotionLog) -> list[Finding]:
         usual = np.maximum(np.quantile(away, 0.95, axis=0), 1e-12)
         if log.ok.all():  # rows that are absent singly: errors there are about those of their neighbours
             size = np.interp(np.arange(len(q)), np.flatnonzero(~missing), np.linalg.norm(away / usual, axis=1))
-            if (beside := _separation(size, missing)) >= _SEPARATED_SHARE:
-                how.append(f"errors next to them are larger in {beside:.0%} of pairs")
+            if (near_errors := _separation(size, missing)) >= _SEPARATED_SHARE:
+                how.append(f"errors next to them are larger in {near_errors:.0%} of pairs")
         else:
             times = float(np.exp(np.mean(np.log(np.maximum(away.max(axis=0) / usual, 1.0)))))
             if times < _SHARP_RATIO:

@@ -23,9 +23,9 @@ _MIN_CLEAR_WINDOWS = 3  # in which a lag must be clear to separate two clocks fr
 _MAX_PAIRS = 3000  # rows that a lag is judged by
 _MIN_UNEXPLAINED = 1e-6  # unexplained, that counts as none
 _APART_LAG_ROWS = 3  # rows by which lags must differ along the recording
-# deviations by which joints with delays of their own are noted, and refused; real arms' stray by up to 2.3, and a made
-# joint whose friction turns at once by 3.2
-_DOUBTED_SIGMAS, _UNLIKE_SIGMAS = 3.3, 4.0
+# deviations by which joints with delays of their own are noted, and refused; untouched arms' stray by up to 2.4, and a
+# made joint whose friction turns at once by 3.2; a slack elbow .3 s late, by 3.8
+_DOUBTED_SIGMAS, _UNLIKE_SIGMAS = 3.3, 3.6
 # times more unexplained variance, that rows in step may leave a joint: early rows cancel its hysteresis
 _WORSE_RATIO = 1.3
 

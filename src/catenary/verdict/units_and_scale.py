@@ -8,7 +8,7 @@ import numpy as np
 from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
-from catenary.verdict.command_response import MOVED_DEG_MM, Pairs, behind_slack, scales
+from catenary.verdict.command_response import MOVED_DEG_MM, Pairs, behind_slack, is_pulled, scales
 from catenary.verdict.finding import Finding
 
 _MIN_CORRELATION = 0.5  # correlation from which a slope means something
@@ -21,8 +21,8 @@ _LESS_MOTION_RATIO, _MORE_MOTION_RATIO = 2.5, 1.5
 _UNIT_FACTOR_RATIO = 2.5
 _MAX_SLOPE = 1.15  # slope: no cable makes a joint move farther than this for its motor
 _MIN_SLOPE = 0.4  # slope: the most hysteretic wrist loses half of its motion
-# slack that takes motion away also loosens the relation: a slope this low with a correlation this high is no slack
-_MIN_TIGHT_SLOPE, _TIGHT_CORRELATION = 0.85, 0.999
+# the same where slack, friction and other joints explain all but this share of a measurement: then they take none away
+_MIN_TIGHT_SLOPE, _TIGHT_UNEXPLAINED = 0.85, 0.002
 _LIMIT_MARGIN_SHARE = 0.25  # of its range by which a joint may leave its limits
 # times a joint's limit, within which a number in rad or m may be an error of it: a PSM without its instrument turns its
 # wrist 2.1 times as far, and inserts 2.3 times as far; in deg or mm not
@@ -50,27 +50,31 @@ def slope_findings(pairs: Pairs, place: Integers) -> Iterator[Finding]:
     wrong: dict[tuple[str, str], list[int]] = {}
     for i in np.flatnonzero(pairs.moved[place]):
         r, slope, name = float(pairs.correlation[i, place[i]]), abs(float(pairs.slope[i, place[i]])), pairs.names[i]
-        if abs(r) < _MIN_CORRELATION:
+        if abs(r) < _MIN_CORRELATION or is_pulled(pairs, int(i), int(place[i])):
             continue
         # both were scaled to deg and mm; what counts is the ratio of the raw numbers
         si = slope * scales(pairs.log)[place[i]] / scales(pairs.log)[i]
-        said = _unit_of(si, pairs.log.joint_units[place[i]])
-        if said is not None:
-            wrong.setdefault(said, []).append(int(i))
+        in_unit = _unit_of(si, pairs.log.joint_units[place[i]])
+        if in_unit is not None:
+            wrong.setdefault(in_unit, []).append(int(i))
             continue
-        least = _MIN_TIGHT_SLOPE if abs(r) > _TIGHT_CORRELATION else _MIN_SLOPE
-        if least < si < _MAX_SLOPE:
+        if _MIN_TIGHT_SLOPE < si < _MAX_SLOPE:
             continue
         rows, sign = pairs.likely[:, i], np.sign(r)
         before, after = (pairs.m[rows, i] / k - pairs.q[rows, place[i]] for k in (sign, sign * slope))
         if np.std(after) >= np.std(before):  # a mend that leaves larger errors is none
             continue
-        moves = f"the measurement moves {si:.3g} times as far as the command (expected {least:g} to {_MAX_SLOPE:g})"
         to_si = scales(pairs.log)[i] / scales(pairs.log)[place[i]]
-        found = behind_slack(pairs, int(i), int(place[i]), (least * to_si, _MAX_SLOPE * to_si))
-        if found.of_cables < (_LESS_MOTION_RATIO if si < 1.0 else _MORE_MOTION_RATIO) * found.unexplained:
+        for least in (_MIN_TIGHT_SLOPE, _MIN_SLOPE):
+            motion = behind_slack(pairs, int(i), int(place[i]), (least * to_si, _MAX_SLOPE * to_si))
+            if motion.unexplained < _TIGHT_UNEXPLAINED:
+                break
+        if least < si < _MAX_SLOPE:
             continue
-        if found.unexplained >= _MAX_UNEXPLAINED:
+        moves = f"the measurement moves {si:.3g} times as far as the command (expected {least:g} to {_MAX_SLOPE:g})"
+        if motion.of_cables < (_LESS_MOTION_RATIO if si < 1.0 else _MORE_MOTION_RATIO) * motion.unexplained:
+            continue
+        if motion.unexplained >= _MAX_UNEXPLAINED:
             says = f"{moves}; slack and other joints leave too little motion to determine its scale"
             yield Finding("scale", (name,), says, "minutes of local motion", refuses=False)
             continue
@@ -97,8 +101,8 @@ def _unit_of(slope: float, unit: str) -> tuple[str, str] | None:
 
 def _units_option(log: MotionLog, units: dict[int, str], array: str | None = None) -> str:
     """Return the option that says in which unit each joint is, of one array or of all; others are in their own."""
-    given = ",".join(units.get(j, unit) for j, unit in enumerate(log.joint_units))
-    return f"--units {array + ':' if array else ''}{given}"
+    texts = ",".join(units.get(j, unit) for j, unit in enumerate(log.joint_units))
+    return f"--units {array + ':' if array else ''}{texts}"
 
 
 def limits_of(log: MotionLog, robot: RobotModel | None, largest: dict[str, float]) -> tuple[Floats, Floats]:
@@ -123,13 +127,15 @@ def limits_of(log: MotionLog, robot: RobotModel | None, largest: dict[str, float
 def range_findings(log: MotionLog, robot: RobotModel | None = None) -> list[Finding]:
     """Find commanded positions that the robot cannot reach, or no robot can where it is not known."""
     low, high = limits_of(log, robot, _MAX_CABLE_POSITIONS)
-    least, most = _reached(log)
-    beyond = [i for i in range(len(least)) if not (low[i] <= least[i] and most[i] <= high[i])]
-    reach, far = np.maximum(-least, most), np.maximum(-low, high)
+    least, highest = _reached(log)
+    beyond = [i for i in range(len(least)) if not (low[i] <= least[i] and highest[i] <= high[i])]
+    reach, far = np.maximum(-least, highest), np.maximum(-low, high)
     far = np.where(far == [_MAX_CABLE_POSITIONS[unit] for unit in log.joint_units], far, MAX_LIMIT_RATIO * far)
     near, stated = reach <= far / MAX_LIMIT_RATIO, {"units", "units:q_nominal"} & log.settled.keys()
     units = (
-        {} if stated else _in_other_units(log, reach > far, near, lambda by: (low <= least / by) & (most / by <= high))
+        {}
+        if stated
+        else _in_other_units(log, reach > far, near, lambda by: (low <= least / by) & (highest / by <= high))
     )
     return _beyond(log, beyond, units, (low, high), "expected")
 
@@ -151,8 +157,8 @@ def within_reason(log: MotionLog, robot: RobotModel | None) -> tuple[MotionLog, 
     far &= log.ok[:, None]
     rows, joints = np.flatnonzero(far.any(axis=1)), np.flatnonzero(far.any(axis=0)).tolist()
     runs = [f"{run[0]}:{run[-1] + 1}" for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(run)]
-    most = [max(float(np.nanmax(np.abs(values[far[:, j], j]))) for values in arrays) for j in joints]
-    says = ", ".join(f"up to {x:.3g} {log.joint_units[j]}" for j, x in zip(joints, most, strict=True))
+    farthest = [max(float(np.nanmax(np.abs(values[far[:, j], j]))) for values in arrays) for j in joints]
+    says = ", ".join(f"up to {x:.3g} {log.joint_units[j]}" for j, x in zip(joints, farthest, strict=True))
     says = f"{len(rows)} row(s) where no arm can be: {says}"
     culprit, remedy = "damaged bytes, or a number that means missing", f"--leave-out {','.join(runs[:_MAX_RUNS])}"
     return left, [Finding("range", tuple(log.joint_names[j] for j in joints), says, culprit, remedy)] * bool(runs)
@@ -161,9 +167,9 @@ def within_reason(log: MotionLog, robot: RobotModel | None) -> tuple[MotionLog, 
 def tiny_findings(log: MotionLog) -> Iterator[Finding]:
     """Note positions that hardly leave zero: angles in rad that somebody took for degrees, metres for millimetres."""
     reach, moved = np.abs(_reached(log)).max(axis=0), np.ptp(log.q_nominal, axis=0) > 0.0
-    for kind, most in _TINY_POSITIONS.items():
+    for kind, limit in _TINY_POSITIONS.items():
         joints = np.flatnonzero(moved & (np.array(log.joint_units) == kind))
-        if len(joints) and (reach[joints] < most).all():
+        if len(joints) and (reach[joints] < limit).all():
             says = f"all that moves stays within {reach[joints].max():.2g} {kind} of zero; expected more of an arm"
             culprit = "numbers converted twice: errors printed here are then as many times too small"
             yield Finding("units", tuple(log.joint_names[j] for j in joints), says, culprit, refuses=False)
@@ -176,13 +182,13 @@ def trained_findings(log: MotionLog, trained: tuple[Floats, Floats]) -> list[Fin
         trained: Lowest and highest positions in training (n,) [rad|m]; infinite if unknown.
     """
     low, high = trained
-    least, most = _reached(log)
+    least, highest = _reached(log)
     known = np.isfinite(high - low) & (high > low)
 
     @np.errstate(invalid="ignore")
     def farthest(factor: float) -> Floats:
         middle, half = (low + high) / 2.0, (high - low) / 2.0
-        return np.asarray(np.maximum(abs(least / factor - middle), abs(most / factor - middle)) / half)
+        return np.asarray(np.maximum(abs(least / factor - middle), abs(highest / factor - middle)) / half)
 
     far, near = known & (farthest(1.0) > _BEYOND_RANGES), known & (farthest(1.0) < _WITHIN_RANGES)
     units = _in_other_units(log, far, near, lambda by: ~far | (farthest(by) < _WITHIN_RANGES))
@@ -211,9 +217,9 @@ def _beyond(
     """Return the sentence on joints beyond the expected range; in other units where `units` has those of all."""
     if not beyond:
         return []
-    (least, most), (low, high), names = _reached(log), expected, tuple(log.joint_names[i] for i in beyond)
+    (least, highest), (low, high), names = _reached(log), expected, tuple(log.joint_names[i] for i in beyond)
     says = ", ".join(
-        f"{log.joint_names[i]} from {least[i]:.4g} to {most[i]:.4g}, {said} between {low[i]:.4g} and {high[i]:.4g} "
+        f"{log.joint_names[i]} from {least[i]:.4g} to {highest[i]:.4g}, {said} between {low[i]:.4g} and {high[i]:.4g} "
         f"{log.joint_units[i]}"
         for i in beyond
     )

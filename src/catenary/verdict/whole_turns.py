@@ -25,17 +25,17 @@ def unwrapped(values: Floats, turn: float) -> tuple[Floats, int]:
     Args:
         values, turn: (M,), of which NaN stays; length of a turn.
     """
-    found = values.copy()
+    whole = values.copy()
     finite = np.isfinite(values)
     x = values[finite]
     if len(x) < 3 or np.ptp(x) > turn * (1.0 + 1e-3):
-        return found, 0
+        return whole, 0
     steps = np.diff(x)
     jumps = np.abs(np.abs(steps) - turn) < _NEAR_TURNS * turn
     if not jumps.any() or jumps.all() or np.quantile(np.abs(steps[~jumps]), 0.99) > _SMALL_TURNS * turn:
-        return found, 0
-    found[np.flatnonzero(finite)[1:]] -= turn * np.cumsum(np.where(jumps, np.sign(steps), 0.0))
-    return found, int(jumps.sum())
+        return whole, 0
+    whole[np.flatnonzero(finite)[1:]] -= turn * np.cumsum(np.where(jumps, np.sign(steps), 0.0))
+    return whole, int(jumps.sum())
 
 
 def turned_back(log: MotionLog, model: RobotModel | None = None) -> MotionLog:
@@ -44,22 +44,22 @@ def turned_back(log: MotionLog, model: RobotModel | None = None) -> MotionLog:
     Args:
         model: Robot, if known.
     """
-    found: dict[str, Floats] = {}
+    changed: dict[str, Floats] = {}
     jumped, notes = set(log.joint_names if model is not None else ()), list[str]()
     for key in ("q_nominal", "q_encoder", "q_reported"):
         recorded = getattr(log, key)
         if recorded is None:
             continue
-        found[key] = values = recorded.copy()
+        changed[key] = values = recorded.copy()
         for j in [j for j, unit in enumerate(log.joint_units) if unit == "rad"]:
             values[:, j], jumps = unwrapped(values[:, j], TURN)
             notes += [f"{key} of {log.joint_names[j]}: jumps by a turn {jumps} time(s); unwrapped"] * bool(jumps)
             jumped |= {log.joint_names[j]} if jumps else set()
-    q, measured, said = in_one_turn(
-        found["q_nominal"], found.get("q_encoder"), log.joint_units, log.joint_names, model, jumped
+    q, measured, note = in_one_turn(
+        changed["q_nominal"], changed.get("q_encoder"), log.joint_units, log.joint_names, model, jumped
     )
-    found |= {"q_nominal": q} | ({} if measured is None else {"q_encoder": measured})
-    made: dict[str, Any] = {**found, "notes": (*log.notes, *notes, *said)}
+    changed |= {"q_nominal": q} | ({} if measured is None else {"q_encoder": measured})
+    made: dict[str, Any] = {**changed, "notes": (*log.notes, *notes, *note)}
     return replace(log, **made)
 
 

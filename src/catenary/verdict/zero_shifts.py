@@ -47,16 +47,16 @@ _ZEROED_CULPRIT = "an encoder, camera or robot that was zeroed again half-way, o
 
 def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
     """Find measurements that stand whole or half turns, or a counter's period, from the others; bring them there."""
-    found, measured = list[Finding](), np.array(pairs.log.q_encoder)
+    findings, measured = list[Finding](), np.array(pairs.log.q_encoder)
     for j, joint_unit in enumerate(pairs.log.joint_units):
         error = pairs.m[:, j] - pairs.q[:, j]
-        away = error - np.median(error)
+        away = error - np.percentile(error, 50.0, method="lower")  # of a row: a mean of two may lie between turns
         if period := _period_of_wraps(pairs.m[:, j], away):
             rounds, in_si = np.round(away / period), period / float(scales(pairs.log)[j])
             measured[pairs.log.ok, j] -= rounds * in_si
             rows, size = np.count_nonzero(rounds), f"{period:.4g} {pairs.unit(j)}"
             says = f"{rows} of {len(error)} measurements are {size} off the others, and all lie within one such range"
-            found.append(_turned(pairs.names[j], says, "a counter that wraps", in_si))
+            findings.append(_turned(pairs.names[j], says, "a counter that wraps", in_si))
             continue
         if joint_unit != "rad":
             continue
@@ -67,12 +67,12 @@ def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
             continue
         measured[pairs.log.ok, j] -= np.deg2rad(_HALF_TURN_DEG * halves)
         sizes, counts = np.unique(halves[turned], return_counts=True)
-        most = float(sizes[np.argmax(counts)]) * _HALF_TURN_DEG
+        commonest = float(sizes[np.argmax(counts)]) * _HALF_TURN_DEG
         says = f"{int(turned.sum())} of {len(error)} measurements are whole or half turns off the others"
         culprit = "an angle recorded within one turn, or a counter that lost a turn"
         period = np.deg2rad(_HALF_TURN_DEG) * (1 + (np.abs(halves[turned]) % 2.0 == 0.0).all())
-        found.append(_turned(pairs.names[j], f"{says} ({most:+.0f} deg most often)", culprit, period))
-    return found, (pairs_of(replace(pairs.log, q_encoder=measured)) or pairs) if found else pairs
+        findings.append(_turned(pairs.names[j], f"{says} ({commonest:+.0f} deg most often)", culprit, period))
+    return findings, (pairs_of(replace(pairs.log, q_encoder=measured)) or pairs) if findings else pairs
 
 
 def _turned(joint: str, says: str, culprit: str, period: float) -> Finding:
@@ -97,15 +97,15 @@ def _period_of_wraps(measured: Floats, away: Floats) -> float:
 
 def leap_findings(pairs: Pairs, place: Integers) -> list[Finding]:
     """Find errors that leap at one row and stay; small ones, and errors that drift, are notes."""
-    found = []
+    findings = []
     for i, k in enumerate(place):
         error = pairs.m[:, i] - pairs.q[:, k]
         wide = int(np.clip(len(error) // _WINDOWS, _MIN_WINDOW_ROWS, _MAX_WINDOW_ROWS))
-        found += _leap(pairs, i, error, wide, _MIN_LEAP_DEG_MM) or _leap(
+        findings += _leap(pairs, i, error, wide, _MIN_LEAP_DEG_MM) or _leap(
             pairs, i, error, _SUDDEN_ROWS, _MIN_SUDDEN_DEG_MM, _ALONE_RATIO
         )
-    jumped = {joint for finding in found for joint in finding.joints}
-    return found + [d for i, k in enumerate(place) if pairs.names[i] not in jumped for d in _drift(pairs, i, int(k))]
+    jumped = {joint for finding in findings for joint in finding.joints}
+    return findings + [d for i, k in enumerate(place) if pairs.names[i] not in jumped for d in _drift(pairs, i, int(k))]
 
 
 def _leap(pairs: Pairs, joint: int, error: Floats, width: int, least: float, alone: float = 0.0) -> list[Finding]:
@@ -158,12 +158,12 @@ def _drift(pairs: Pairs, joint: int, own: int) -> list[Finding]:
     good = np.ones(len(kept), dtype=bool)
     for _ in range(3):
         onto = np.linalg.qr(columns[good])[0]
-        free, rest = (x[good] - onto @ (onto.T @ x[good]) for x in (ways, error))
+        free, errors = (x[good] - onto @ (onto.T @ x[good]) for x in (ways, error))
         sizes = np.maximum(np.square(free).sum(axis=0), 1e-300)
-        way = int(np.argmax((free.T @ rest) ** 2 / sizes))
+        way = int(np.argmax((free.T @ errors) ** 2 / sizes))
         free, size = free[:, way], sizes[way]
-        by = float(free @ rest / size)
-        left = rest - by * free
+        by = float(free @ errors / size)
+        left = errors - by * free
         moves = error - by * ways[:, way]
         away = np.abs(moves - columns @ np.linalg.lstsq(columns[good], moves[good], rcond=None)[0])
         part, fits = np.flatnonzero(good) * _PARTS // len(kept), away[good]

@@ -1,5 +1,6 @@
 """Two computers that log one motion: how far their clocks are apart, and how fast they run apart, against the truth."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -150,6 +151,24 @@ def test_a_clock_that_is_given_is_taken_and_stamps_stay_as_they_are_if_it_is_non
     assert "expected seconds and ppm" in refusal(
         "import", *paths, *NAMES, "--clock", "soon", "--out", tmp_path / "x.parquet"
     )
+
+
+@pytest.mark.parametrize("later", [-90.0, 1.25, 0.3])  # back to zero, and set anew: s ahead after half of the file
+def test_parts_after_a_restart_have_a_clock_each(robot: MotionLog, tmp_path: Path, later: float) -> None:
+    paths = written(tmp_path, robot, 0.014, 0.0)
+    head, *lines = paths[1].read_text().splitlines()
+    cells = [line.split(",") for line in lines]
+    half = len(cells) // 2
+    again = [[f"{float(t) + later:.9f}", *rest] for t, *rest in cells[half + 30 :]]
+    paths[1].write_text("\n".join([head, *(",".join(row) for row in [*cells[:half], *again])]))
+    log = import_recording(paths, NAMES[1::2])
+    assert log.ok.mean() > 0.95
+    assert max(off(log.part(0, len(log) // 3), robot), off(log, robot)) < 0.003
+    clocks = [
+        re.search(r"from row (\d+) on: its clock is (\S+) s", note) for note in log.notes if "its clock is" in note
+    ]
+    assert [int(clock[1]) for clock in clocks if clock] == [0, half]
+    assert [float(clock[2]) for clock in clocks if clock] == pytest.approx([0.014, 0.014 + later], abs=0.003)
 
 
 def test_rows_without_time_stay_without(robot: MotionLog, tmp_path: Path) -> None:

@@ -100,9 +100,9 @@ class Candidate:
     @property
     def says_position(self) -> bool:
         """Whether names say that these are positions of joints, and not whose sensor measured them."""
-        said = _SETS["says_position"] | _SETS["joints"]
+        words = _SETS["says_position"] | _SETS["joints"]
         is_position = self.kind == "position" and self.role != "measured outside"
-        return is_position and (all(self.joints) or not said.isdisjoint(_words(self.columns[0])))
+        return is_position and (all(self.joints) or not words.isdisjoint(_words(self.columns[0])))
 
     @property
     def ranges(self) -> list[tuple[float, float]]:
@@ -155,13 +155,13 @@ class Candidate:
 
     def stated_units(self) -> tuple[str, ...] | None:
         """Return the units that the columns' names end in, of velocities per second; None where one has none."""
-        found = [one["unit"].lower() for one in map(_UNIT.search, self._titles) if one and one["unit"]]
-        return tuple(_UNIT_WORDS.get(unit, unit) for unit in found) if len(found) == len(self.columns) else None
+        units = [one["unit"].lower() for one in map(_UNIT.search, self._titles) if one and one["unit"]]
+        return tuple(_UNIT_WORDS.get(unit, unit) for unit in units) if len(units) == len(self.columns) else None
 
     def stated_scale(self) -> tuple[float, ...] | None:
         """Return the Nm or N of one unit that the columns' names end in, as of mNm; None where one has none."""
-        found = [one for one in map(_UNIT.search, self._titles) if one and one["effort"]]
-        parts = [((one["part"] or one["alone"] or "").lower(), (one["lever"] or "").lower()) for one in found]
+        matches = [one for one in map(_UNIT.search, self._titles) if one and one["effort"]]
+        parts = [((one["part"] or one["alone"] or "").lower(), (one["lever"] or "").lower()) for one in matches]
         return tuple(_PARTS[a] * _PARTS[b] for a, b in parts) if len(parts) == len(self.columns) else None
 
 
@@ -171,10 +171,10 @@ def candidates_of(streams: Sequence[Stream], today: float, model: Jointed | None
     `today` [s since 1970] bounds their time.
     """
     each = (_of_table(one, today, model) if one.type == "table" else _of_topic(one) for one in streams)
-    found = [arm for several in each for one in several for arm in _by_arm(one)]
+    candidates = [arm for several in each for one in several for arm in _by_arm(one)]
     if sum(stream.type == "table" for stream in streams) < 2:
-        return found
-    return [replace(one, kind=_kind_in_file(one), role=_role_in_file(one), is_of_several=True) for one in found]
+        return candidates
+    return [replace(one, kind=_kind_in_file(one), role=_role_in_file(one), is_of_several=True) for one in candidates]
 
 
 def _by_arm(one: Candidate) -> list[Candidate]:
@@ -209,7 +209,7 @@ def ok_columns(stream: Stream) -> list[str]:
 
 
 def _of_topic(stream: Stream) -> list[Candidate]:
-    found = []
+    candidates = []
     for base, columns in arrays_of(stream).items():
         columns = [column for column in columns if column in stream.columns]
         words = _words(base)
@@ -219,8 +219,8 @@ def _of_topic(stream: Stream) -> list[Candidate]:
         joints = tuple(column[len(base) + 1 : -1] if base in stream.joints else "" for column in columns)
         own = words if stream.type == "table" else [*_words(stream.name), *words]
         kind = _kind(stream.titled(columns[0])) if columns[0] in stream.units else _kind(base)
-        found.append(Candidate(stream, tuple(columns), kind, _role(own), joints))
-    return found
+        candidates.append(Candidate(stream, tuple(columns), kind, _role(own), joints))
+    return candidates
 
 
 def _of_robot(stream: Stream, joints: Sequence[str]) -> list[Candidate]:
@@ -232,20 +232,20 @@ def _of_robot(stream: Stream, joints: Sequence[str]) -> list[Candidate]:
         apart = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
         for joint in sorted(joints, key=len, reverse=True):
             pattern = r"[^a-z0-9]*".join(_words_and_numbers(joint)) or "$."
-            rest, is_named = re.subn(rf"(?<![a-z0-9]){pattern}(?![a-z0-9])", " ", apart, count=1, flags=re.I)
-            if is_named and not set(_words(rest)) & _SETS["no_joints"]:
-                key = _kind(rest), " ".join(_words_and_numbers(_UNIT.sub("", rest)))
+            without, is_named = re.subn(rf"(?<![a-z0-9]){pattern}(?![a-z0-9])", " ", apart, count=1, flags=re.I)
+            if is_named and not set(_words(without)) & _SETS["no_joints"]:
+                key = _kind(without), " ".join(_words_and_numbers(_UNIT.sub("", without)))
                 groups.setdefault(key, {}).setdefault(joint, name)
             if is_named:
                 break
-    found = []
+    candidates = []
     for (kind, words), columns in groups.items():
         own = tuple(joint for joint in joints if joint in columns)
         role = _role(words.split()) if words or kind != "position" else "reported"
-        found += [Candidate(stream, tuple(map(columns.__getitem__, own)), kind, role, own)] * (
+        candidates += [Candidate(stream, tuple(map(columns.__getitem__, own)), kind, role, own)] * (
             2 * len(own) >= len(joints)
         )
-    return found
+    return candidates
 
 
 def _of_table(stream: Stream, today: float, model: Jointed | None) -> list[Candidate]:
@@ -260,8 +260,8 @@ def _of_table(stream: Stream, today: float, model: Jointed | None) -> list[Candi
         )  # fmt: skip
         return [Candidate(stream, names, kind, "unknown", ("",) * len(names)) for kind, names in kinds if names]
     # arrays beside a list of their joints
-    found = of_robot + [one for one in _of_topic(stream) if all(one.joints) and not own_columns & {*one.columns}]
-    taken = [column for one in found for column in one.columns]
+    candidates = of_robot + [one for one in _of_topic(stream) if all(one.joints) and not own_columns & {*one.columns}]
+    taken = [column for one in candidates for column in one.columns]
     times = {*times_among(stream, ()), *ok_columns(stream), *stream.dates, *poses, *taken}
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in stream.columns:
@@ -291,8 +291,8 @@ def _of_table(stream: Stream, today: float, model: Jointed | None) -> list[Candi
             named = _own_parts(ordered)
             is_named = not is_numbered and how == "words" and all(named) and len(set(named)) == len(named)
             joints = named if is_named else ("",) * len(ordered)
-            found.append(Candidate(stream, tuple(ordered), _kind(stream.titled(ordered[0])), _role(words), joints))
-    return found
+            candidates.append(Candidate(stream, tuple(ordered), _kind(stream.titled(ordered[0])), _role(words), joints))
+    return candidates
 
 
 def moving_columns(stream: Stream, today: float) -> MovingColumns | None:
@@ -364,14 +364,14 @@ def joints_meant(names: Sequence[str], model: Jointed) -> tuple[str, ...]:
     words = {joint: _words_and_numbers(joint) for joint in model.joint_names}
     shared = set.intersection(*map(set, words.values())) if len(words) > 1 else set[str]()
     keys = {joint: " ".join(w for w in each if w not in shared) for joint, each in words.items()}
-    found = []
+    meant = []
     for name in names:
-        said = f" {' '.join(_words_and_numbers(name))} "
-        inside = [joint for joint, key in keys.items() if key and f" {key} " in said]
+        spaced = f" {' '.join(_words_and_numbers(name))} "
+        inside = [joint for joint, key in keys.items() if key and f" {key} " in spaced]
         longest = max(map(len, map(keys.__getitem__, inside)), default=0)
         best = [name] if name in keys else [joint for joint in inside if len(keys[joint]) == longest]
-        found.append(best[0] if len(best) == 1 else "")
-    return tuple(found)
+        meant.append(best[0] if len(best) == 1 else "")
+    return tuple(meant)
 
 
 def _words_and_numbers(name: str) -> list[str]:
@@ -406,8 +406,8 @@ def by_motion(columns: Mapping[str, NDArray[np.generic]], seconds: Floats | None
     left = [i for i in range(m) if i not in {*used, *again}]
     moving = [i for i in left if np.ptp(values[:, i]) > 0.0]
     tau = next((some for some in (left, moving) if len(some) == len(q)), [])
-    rest = [i for i in moving if i not in tau]
-    return MovingColumns(*(tuple(names[i] for i in some) for some in (q, qd, again, tau, rest)))
+    others = [i for i in moving if i not in tau]
+    return MovingColumns(*(tuple(names[i] for i in some) for some in (q, qd, again, tau, others)))
 
 
 def _derivatives(values: Floats, time: Floats, *, any_size: bool) -> Flags:
@@ -425,11 +425,11 @@ def _derivatives(values: Floats, time: Floats, *, any_size: bool) -> Flags:
             like = np.nan_to_num(both / np.sqrt(np.outer(own, its)))
             larger = like > best
             best, size = np.where(larger, like, best), np.where(larger, np.sqrt(np.divide.outer(own, its)), size)
-    found = best > _DERIVATIVE_CORRELATION
-    np.fill_diagonal(found, False)
-    if any_size and found.any():
-        size = size / float(np.median(size[found]))
-    return np.asarray(found & (size > 1.0 / _SAME_SIZE_FACTOR) & (size < _SAME_SIZE_FACTOR))
+    is_derivative = best > _DERIVATIVE_CORRELATION
+    np.fill_diagonal(is_derivative, False)
+    if any_size and is_derivative.any():
+        size = size / float(np.median(size[is_derivative]))
+    return np.asarray(is_derivative & (size > 1.0 / _SAME_SIZE_FACTOR) & (size < _SAME_SIZE_FACTOR))
 
 
 # of geometry_msgs/Pose and Transform, and of what trackers' exports are read as
@@ -461,7 +461,7 @@ class PoseColumns(NamedTuple):
 
 def poses_of(streams: Sequence[Stream]) -> list[PoseColumns]:
     """Return the poses that move, but the robot's own of its tool and commanded ones."""
-    found = []
+    of_poses = []
     for stream in streams:
         place, _, verb = stream.name.removesuffix("/").rpartition("/")
         place = place.removesuffix("/local")
@@ -471,8 +471,8 @@ def poses_of(streams: Sequence[Stream]) -> list[PoseColumns]:
         poses = poses_by_parts(stream)
         poses += _by_names(stream, {name for pose in poses for name in pose.taken}) if stream.type == "table" else []
         moving = [one for one in poses if any(_moves(stream.numbers(column)) for column in one.taken)]
-        found += [one._replace(units=_units(stream, one), stream=stream.name) for one in moving]
-    return found
+        of_poses += [one._replace(units=_units(stream, one), stream=stream.name) for one in moving]
+    return of_poses
 
 
 def _moves(values: NDArray[Any]) -> bool:
@@ -493,7 +493,7 @@ def _units(stream: Stream, pose: PoseColumns) -> tuple[str, str]:
 
 def poses_by_parts(stream: Stream) -> list[PoseColumns]:
     """Return poses such as pose.position.x ... pose.orientation.w, and points alone."""
-    front, found = "" if stream.type == "table" else f"{stream.name}.", list[PoseColumns]()
+    front, poses = "" if stream.type == "table" else f"{stream.name}.", list[PoseColumns]()
     for name in [name for name in stream.columns if name.endswith(".x")]:
         point = name.removesuffix(".x")
         base, _, part = f".{point}".rpartition(".")
@@ -502,15 +502,15 @@ def poses_by_parts(stream: Stream) -> list[PoseColumns]:
         turn = f"{base[1:]}.{dict(POSE_PARTS).get(part)}".lstrip(".")
         positions, turns = (tuple(f"{of}.{axis}" for axis in axes) for of, axes in ((point, "xyz"), (turn, "xyzw")))
         if turns[-1] in stream.columns:
-            found.append(PoseColumns((f"{front}{base[1:]}".rstrip("."),), positions + turns))
+            poses.append(PoseColumns((f"{front}{base[1:]}".rstrip("."),), positions + turns))
         elif set(positions) <= set(stream.columns):
-            found.append(PoseColumns((f"{front}{point}",), positions))
-    return found
+            poses.append(PoseColumns((f"{front}{point}",), positions))
+    return poses
 
 
 def _by_names(stream: Stream, taken: Collection[str]) -> list[PoseColumns]:
     """Return poses of a table such as tx ty tz qx qy qz qw; positions alone where the name is a tracker's."""
-    names, found = tuple(name for name in stream.columns if name not in taken), list[PoseColumns]()
+    names, poses = tuple(name for name in stream.columns if name not in taken), list[PoseColumns]()
 
     def is_turn(columns: Sequence[str]) -> bool:
         lengths = np.linalg.norm([stream.numbers(name) for name in columns], axis=0)
@@ -524,12 +524,12 @@ def _by_names(stream: Stream, taken: Collection[str]) -> list[PoseColumns]:
         words = f"{position} {turns}".split()
         for stem in [name.removesuffix(words[0]) for name in bare if re.search(rf"(\A|[ ._/:]){words[0]}\Z", name)]:
             columns = tuple(bare[stem + word] for word in words if stem + word in bare)
-            new = not any(set(columns) & set(one.taken) for one in found)
+            new = not any(set(columns) & set(one.taken) for one in poses)
             is_pose = turns or _TRACKERS.search(f"{stream.name} {stem}")
             if len(columns) == len(words) and new and is_pose and is_turn(columns[3:]):
                 own = stem != "" and any(re.match(rf"{re.escape(stem)}(q|jp|joint_?)[1-9]", name) for name in bare)
-                found.append(PoseColumns(columns, columns, orientation, doubt, is_own=own))
+                poses.append(PoseColumns(columns, columns, orientation, doubt, is_own=own))
     points = {base: columns for base, columns in arrays_of(stream).items() if len(columns) == 3}
     for base in [base for base in points if _TRACKERS.search(base) and re.search("position|translation|xyz", base)]:
-        found.append(PoseColumns(tuple(points[base]), tuple(points[base])))
-    return found
+        poses.append(PoseColumns(tuple(points[base]), tuple(points[base])))
+    return poses

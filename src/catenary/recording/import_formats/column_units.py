@@ -51,8 +51,8 @@ def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -
         within = [_within_limits(model, j, *limits) for j, limits in zip(places, one.ranges, strict=True)]
         its = [model.joint_units[j] for j in places]
         each = zip(its, within, one.ranges, strict=True)
-        found = {(base, unit) for base, unit, (low, high) in each if unit is not None and high > low}
-        if mixed := len(found) > len({base for base, _ in found}):  # no arm has angles in both rad and deg
+        fitting = {(base, unit) for base, unit, (low, high) in each if unit is not None and high > low}
+        if mixed := len(fitting) > len({base for base, _ in fitting}):  # no arm has angles in both rad and deg
             within = list(its) if is_ros else within
         is_within = all(unit is not None for unit in within)
         units = tuple(
@@ -132,20 +132,20 @@ def joint_units_of(
 ) -> tuple[Units, Units | None, bool, list[str]]:
     """Return joints' SI units, those of q_nominal's columns, whether any were assumed, and what to say of it."""
     n = len(names)
-    given: tuple[str, ...] | None = mapping.joint_units or None
-    if model is not None and given is None:
-        given = tuple(model.joint_units[model.joint_names.index(joint)] for joint in names)
-    stated, _ = factors("q_nominal", mapping.q_nominal, given, n)
+    mapped: tuple[str, ...] | None = mapping.joint_units or None
+    if model is not None and mapped is None:
+        mapped = tuple(model.joint_units[model.joint_names.index(joint)] for joint in names)
+    stated, _ = factors("q_nominal", mapping.q_nominal, mapped, n)
     if stated is not None:
         return stated, mapping.q_nominal.units, False, []
     if mapping.joint_units and model is None:
-        return given or (), None, False, []
+        return mapped or (), None, False, []
     guess, why, is_sure = nominal_units(one, model, None)
     if is_sure:
         si = tuple(SI[unit][0] for unit in guess)
-        if given is not None and si != given:
+        if mapped is not None and si != mapped:
             raise InputError(
-                f"q_nominal: its units are {', '.join(guess)}, {why}, but the joints' are {', '.join(given)}"
+                f"q_nominal: its units are {', '.join(guess)}, {why}, but the joints' are {', '.join(mapped)}"
             )
         return si, guess, True, [f"q_nominal: its units were not stated; taken in {', '.join(guess)}: {why}"]
     for units in (units for units in mapping.assumed_units if len(units) == n):
@@ -170,15 +170,15 @@ def factors(
         raise InputError(f"{name}: counts: give the scale, rad or m per count (@counts*SCALE, or scale = ...)")
     if "counts" in units and joint_units is None:
         raise InputError(f'{name}: counts of which unit? give joint_units = ["rad", ...], or the robot')
-    said = tuple(
+    words = tuple(
         joint_units[i] if unit == "counts" and joint_units is not None else SI[unit][0] for i, unit in enumerate(units)
     )
-    if joint_units is not None and said != tuple(joint_units):
+    if joint_units is not None and words != tuple(joint_units):
         raise InputError(
             f"{name}: units {', '.join(units)}, but the joints' are {', '.join(joint_units)}; expected deg or rad for "
             "joints that turn, mm or m for those that slide"
         )
-    return said, scale * np.array([1.0 if unit == "counts" else SI[unit][1] for unit in units])
+    return words, scale * np.array([1.0 if unit == "counts" else SI[unit][1] for unit in units])
 
 
 def _each(what: str, values: tuple[Value, ...], n: int) -> tuple[Value, ...] | None:

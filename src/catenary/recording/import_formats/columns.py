@@ -114,24 +114,24 @@ def places_of(reference: str, streams: Sequence[Stream]) -> list[Place]:
     Raises:
         InputError: No such column, or several.
     """
-    stem, colon, rest = reference.partition(":")
+    stem, colon, inner_name = reference.partition(":")
     candidates: list[tuple[Stream, str]] = []
     for stream in streams:
         if stream.type == "table":
             candidates.append((stream, reference))
             if colon and stem == stream.name:
-                candidates.append((stream, rest))
+                candidates.append((stream, inner_name))
         elif reference.startswith(f"{stream.name}."):
             candidates.append((stream, reference[len(stream.name) + 1 :]))
-    found = [(s, inner, names) for s, inner in candidates if (names := _columns(inner, s))]
-    if len({stream.name for stream, _, _ in found}) > 1:
+    places = [(s, inner, names) for s, inner in candidates if (names := _columns(inner, s))]
+    if len({stream.name for stream, _, _ in places}) > 1:
         raise InputError(
-            f'column "{cut(reference)}" is in {" and in ".join(stream.name for stream, _, _ in found)}; '
-            f'write "{found[0][0].name}:{cut(reference)}"'
+            f'column "{cut(reference)}" is in {" and in ".join(stream.name for stream, _, _ in places)}; '
+            f'write "{places[0][0].name}:{cut(reference)}"'
         )
-    if not found:
+    if not places:
         raise InputError(f'no column "{cut(reference)}"; {_choices(reference, streams)}')
-    stream, inner, names = found[0]
+    stream, inner, names = places[0]
     ends = [len(end) for end in inner.split("*")] if inner.count("*") == 1 else []
     return [Place(stream.name, name, name[ends[0] : len(name) - ends[1]] if ends else "") for name in names]
 
@@ -146,9 +146,9 @@ def arrays_of(stream: Stream) -> dict[str, list[str]]:
     """Return the arrays of a stream: the columns of each, in order."""
     arrays: dict[str, list[str]] = {}
     for name in stream.columns:
-        found = _INDEXED.match(name)
-        if found and found["part"].isdigit():
-            arrays.setdefault(found["base"], []).append(name)
+        indexed = _INDEXED.match(name)
+        if indexed and indexed["part"].isdigit():
+            arrays.setdefault(indexed["base"], []).append(name)
     numbered = {base: sorted(names, key=natural) for base, names in arrays.items()}
     named = {base: [f"{base}[{joint}]" for joint in joints] for base, joints in stream.joints.items()}
     return numbered | named
@@ -160,9 +160,9 @@ def _columns(inner: str, stream: Stream) -> list[str]:
     arrays = arrays_of(stream)
     if inner in arrays:
         return arrays[inner]
-    found = _INDEXED.match(inner)
-    if found:
-        base, part = found["base"], found["part"]
+    indexed = _INDEXED.match(inner)
+    if indexed:
+        base, part = indexed["base"], indexed["part"]
         limits = re.fullmatch(r"(\d{0,9}):(\d{0,9})|(\d{1,9})", part)
         if limits and base in arrays:
             first = int(limits[1] or limits[3] or 0)
@@ -185,8 +185,8 @@ def _choices(reference: str, streams: Sequence[Stream]) -> str:
     names = [f"{base}[0:{len(columns)}]" for stream in chosen for base, columns in arrays_of(stream).items()]
     names += [name for stream in chosen for name in stream.columns if not _INDEXED.match(name)]
     joints = [joint for stream in own for inner in stream.joints.values() for joint in inner]
-    said = f"; its joints are {listed(list(dict.fromkeys(joints)))}" if joints else ""
-    return f"{', '.join(stream.name for stream in chosen)} has {listed(names)}{said}"
+    of_joints = f"; its joints are {listed(list(dict.fromkeys(joints)))}" if joints else ""
+    return f"{', '.join(stream.name for stream in chosen)} has {listed(names)}{of_joints}"
 
 
 def not_used(streams: Sequence[Stream], used: Mapping[str, Collection[str]]) -> tuple[str, ...]:
@@ -196,22 +196,22 @@ def not_used(streams: Sequence[Stream], used: Mapping[str, Collection[str]]) -> 
         streams: Tables and topics of the recording.
         used: Columns used of each stream.
     """
-    found: list[str] = []
+    unused: list[str] = []
     for stream in streams:
         mine = set(used.get(stream.name, ()))
         if stream.type != "table" and not mine:
-            found.append(stream.name)
+            unused.append(stream.name)
         elif stream.type != "table":
             arrays = {f"{stream.name}.{array}": arrays_of(stream)[array] for array in stream.joints}
-            found += [name for name, columns in arrays.items() if columns and not mine & set(columns)]
+            unused += [name for name, columns in arrays.items() if columns and not mine & set(columns)]
         else:
             groups: dict[str, list[str]] = {}
             for column in stream.columns:
                 indexed = _INDEXED.match(column)
                 group = indexed["base"] if indexed else re.sub(r"\d+", "#", column)
                 groups.setdefault(group, []).extend([column] * (column not in mine))
-            found += [ends(columns) for columns in groups.values() if columns]
-    return tuple(found)
+            unused += [ends(columns) for columns in groups.values() if columns]
+    return tuple(unused)
 
 
 def ends(names: Sequence[str]) -> str:

@@ -83,24 +83,24 @@ def date_format(texts: Sequence[str]) -> DateFormat | None:
     The order of day and month is inferred from a year that comes first, a month by name, points (day first), a number
     above 12, or the shorter of the two times that would have passed.
     """
-    found = [
+    formats = [
         match for text in texts if (match := _WRITTEN.fullmatch(text.strip())) and (match["date"] or match["clock"])
     ]
-    if not found or len(found) != len(texts):
+    if not formats or len(formats) != len(texts):
         return None
-    if len({(bool(m["date"]), bool(m["clock"]), bool(m["zone"]), m["between"]) for m in found}) > 1:
+    if len({(bool(m["date"]), bool(m["clock"]), bool(m["zone"]), m["between"]) for m in formats}) > 1:
         return None
-    first, doubt, is_iso = found[0], "", False
+    first, doubt, is_iso = formats[0], "", False
     if not first["date"]:
         order = ""
     elif len(first["a"]) == 4:
         order = "ymd"
         iso = r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-][\d:]+)?)?"
-        is_iso = all(re.fullmatch(iso, match.string.strip()) for match in found)
+        is_iso = all(re.fullmatch(iso, match.string.strip()) for match in formats)
     elif not first["b"].isdigit() or first["between"] == ".":
         order = "dmy"
     else:
-        days = sorted({(int(m["a"]), int(m["b"])) for m in found})
+        days = sorted({(int(m["a"]), int(m["b"])) for m in formats})
         largest = [max(numbers) for numbers in zip(*days, strict=True)]
         day_first, month_first = (
             max(d) - min(d) for d in ([31 * b + a for a, b in days], [31 * a + b for a, b in days])
@@ -262,7 +262,7 @@ def read_head(where: str, lines: Sequence[str], last: Sequence[str] = (), unende
 
 def _dialect(lines: Sequence[str]) -> TextDialect:
     """Infer the separator of columns: the one by which most cells are numbers."""
-    found: list[tuple[float, TextDialect]] = []
+    dialects: list[tuple[float, TextDialect]] = []
     for dialect in (TextDialect(*signs) for signs in (";.", "\t.", ",.", " .", ";,", "\t,", " ,")):
         rows = [dialect.split(line) for line in lines[: max(3, min(50, 100_000 // len(max(lines, key=len))))]]
         if sorted(map(len, rows))[len(rows) // 2] < 2:
@@ -270,8 +270,8 @@ def _dialect(lines: Sequence[str]) -> TextDialect:
         cells = [cell for row in rows for cell in row]
         good = sum(dialect.is_value(cell) or date_format([cell]) is not None for cell in cells) / len(cells)
         ragged = len({len(row) for row in rows}) > 1
-        found.append((good - 0.5 * ragged, dialect))
-    return max(found, key=lambda each: each[0])[1] if found else TextDialect(",", ".")
+        dialects.append((good - 0.5 * ragged, dialect))
+    return max(dialects, key=lambda each: each[0])[1] if dialects else TextDialect(",", ".")
 
 
 def _is_row(cells: Sequence[str], tail: Sequence[Sequence[str]], dialect: TextDialect) -> bool:
@@ -308,8 +308,8 @@ def _names(
     heads: Sequence[str], used: int, rows: Sequence[tuple[int, list[str]]], dialect: TextDialect
 ) -> tuple[list[str], list[str]]:
     """Return a name for each column, and what there is to say; no names where no line has one for each."""
-    said = [line for line in heads if re.search(r"\w", line)][-2:]
-    cells_of_lines = [_words(_COMMENT.sub("", line, count=1), used, dialect) for line in said]
+    titles = [line for line in heads if re.search(r"\w", line)][-2:]
+    cells_of_lines = [_words(_COMMENT.sub("", line, count=1), used, dialect) for line in titles]
     if not cells_of_lines:
         return [], []
     *above, cells = cells_of_lines
@@ -326,7 +326,7 @@ def _names(
         return [f"{cells[a]}[{i}]" if b > a + 1 else cells[a] for a, b in pairwise(begins) for i in range(b - a)], []
     cells = [cell for cell in cells if cell]
     few = f"{len(cells)} names for {used} columns ({', '.join(map(cut, cells[:5]))}, ...): none was taken"
-    is_prose = _COMMENT.match(said[-1]) and len(cells) < used / 2
+    is_prose = _COMMENT.match(titles[-1]) and len(cells) < used / 2
     return [], [few] * (len(cells) > 1 and len(texts) == len(cells) and not is_prose)
 
 
@@ -335,8 +335,8 @@ def _words(line: str, used: int, dialect: TextDialect) -> list[str]:
     ways = (dialect.separator, ",", ";", "\t", " ") if dialect.separator != " " else (",", ";", "\t", " ")
     split = [TextDialect(separator, ".").split(line) for separator in ways]
     split.append(re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line))  # q1 [rad] q2 [rad]
-    found = [cells[:used] if not any(cells[used:]) else cells for cells in split]
-    return next((cells for cells in found if len(cells) == used), dialect.split(line))
+    rows = [cells[:used] if not any(cells[used:]) else cells for cells in split]
+    return next((cells for cells in rows if len(cells) == used), dialect.split(line))
 
 
 def _unique(names: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -387,18 +387,18 @@ def _elements(column: TextColumn, rows: Sequence[tuple[int, list[str]]]) -> list
 
 def _dates_with_clocks(columns: Sequence[TextColumn], rows: Sequence[Sequence[str]]) -> list[TextColumn]:
     """Return columns with a day and the time of day behind it as one."""
-    found: list[TextColumn] = []
+    dated: list[TextColumn] = []
     for column in columns:
-        day, clock, both = (found[-1].date if found else None), column.date, None
+        day, clock, both = (dated[-1].date if dated else None), column.date, None
         if day is not None and clock is not None and day.order and not day.has_clock and not clock.order:
-            places = (*found[-1].places, *column.places)
+            places = (*dated[-1].places, *column.places)
             whole = [row for row in rows if all(i < len(row) and row[i] for i in places)]
             both = date_format([" ".join(row[i] for i in places) for row in whole])
         if both is None:  # of a day and a time that no row has, too
-            found.append(column)
+            dated.append(column)
         else:
-            found[-1] = TextColumn(found[-1].name, "date", places, both)
-    return found
+            dated[-1] = TextColumn(dated[-1].name, "date", places, both)
+    return dated
 
 
 def _as_echoed(
@@ -420,10 +420,10 @@ def _as_echoed(
         return [stamp, *frame, *columns[3:]], {}
     joints = tuple(first[0][i] for i in names)
     arrays = ("position", "velocity", "effort")[: behind // n]
-    found = [stamp]
+    echoed = [stamp]
     for k, array in enumerate(arrays):
-        found += [TextColumn(f"{array}[{joint}]", "number", (3 + (k + 1) * n + j,)) for j, joint in enumerate(joints)]
-    return found, dict.fromkeys(arrays, joints)
+        echoed += [TextColumn(f"{array}[{joint}]", "number", (3 + (k + 1) * n + j,)) for j, joint in enumerate(joints)]
+    return echoed, dict.fromkeys(arrays, joints)
 
 
 _MAX_LINE_BYTES = 1_000_000  # characters
@@ -503,9 +503,9 @@ class TextTable:
                 for batch in batches:
                     numbers = {column.name: _numbers(column, batch, carried) for column in columns}
                     yield Stream(self.path.stem, "table", numbers, batch.num_rows, **options)
-        said = [f"{count} {what}" for what, count in passed.items() if count]
-        said += ["its last line is torn, and was left out"] * bool(self.head.torn)
-        self.notes += [note for note in said if note not in self.notes]
+        notes = [f"{count} {what}" for what, count in passed.items() if count]
+        notes += ["its last line is torn, and was left out"] * bool(self.head.torn)
+        self.notes += [note for note in notes if note not in self.notes]
 
     def _rows(self, file: BinaryIO, passed: Counter[str]) -> Iterator[bytes]:
         """Yield some MB of rows at a time: without comments, heads that come again, and a torn last line."""

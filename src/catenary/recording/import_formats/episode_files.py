@@ -179,7 +179,7 @@ def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
     every = dict.fromkeys(name for part in parts for name in part.columns)
     shared = [name for name in every if all(name in part.columns for part in parts)]
     lost = [cut(name) for name in every if name not in shared]
-    said = [f"left out, as not all files have them: {', '.join(lost[:10])}"] * bool(lost)
+    left_out = [f"left out, as not all files have them: {', '.join(lost[:10])}"] * bool(lost)
     if _INDEX not in shared:
         raise FileFormatError(f"{path}: not all its files have the column {_INDEX}")
     columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in shared}
@@ -190,7 +190,7 @@ def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
     numbers = numbers[rows]
     fps, starts = info.get("fps"), (0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist())
     constants = {"fps": float(fps)} if isinstance(fps, int | float) else {}
-    notes = dict.fromkeys([*in_a_row(path, chosen, ()), *said, *(note for part in parts for note in part.notes)])
+    notes = dict.fromkeys([*in_a_row(path, chosen, ()), *left_out, *(note for part in parts for note in part.notes)])
     taken = {name: values[rows] for name, values in columns.items()}
     stream = Stream(path.name, "table", taken, len(numbers), constants=constants, starts=starts, notes=tuple(notes))
     return [_with_names(replace(stream, began=began_of(info)), info.get("features"))]
@@ -217,11 +217,13 @@ def _flat(names: Any) -> list[str]:
 
 def wanted_episodes(path: Path, names: Sequence[str], wanted: str) -> list[str]:
     """Return the episodes that are meant: all, or the one of a name or its number, `demo_3`, `episode_000003`, `3`."""
-    asked = _short(wanted)
-    found = [name for name in names if wanted in ("", name) or asked in (_short(name), _short(name).lstrip(_LETTERS))]
-    if not found:
+    short = _short(wanted)
+    episodes = [
+        name for name in names if wanted in ("", name) or short in (_short(name), _short(name).lstrip(_LETTERS))
+    ]
+    if not episodes:
         raise FileFormatError(f'{path}: no episode "{cut(wanted)}"; its episodes are {listed(names)}')
-    return found
+    return episodes
 
 
 def _short(name: str) -> str:
@@ -234,8 +236,8 @@ def in_a_row(path: Path, names: Sequence[str], begins: Sequence[float]) -> list[
     if all(begins) and len(set(begins)) > 1:
         dates = [datetime.fromtimestamp(began, UTC).isoformat(" ", "seconds")[:19] for began in begins]
         names = [f"{name} ({date})" for name, date in zip(names, dates, strict=True)]
-    said = f"{len(names)} episodes, one behind the other: {listed(names)}; {alone} is one alone"
-    return [said] * (len(names) > 1)
+    note = f"{len(names)} episodes, one behind the other: {listed(names)}; {alone} is one alone"
+    return [note] * (len(names) > 1)
 
 
 def began_of(attributes: Mapping[str, Any]) -> float:

@@ -84,15 +84,15 @@ class _Columns:
         places, signs = list[Place](), list[float]()
         for reference in references:
             try:
-                found, sign = places_of(reference, self._streams), 1.0
+                of_reference, sign = places_of(reference, self._streams), 1.0
             except InputError as error:
                 if optional:
                     return
                 if not reference.startswith(_SIGNED):
                     raise InputError(f"{key}: {error}") from error
-                found, sign = places_of(reference[1:], self._streams), -1.0
-            places += found
-            signs += [sign] * len(found)
+                of_reference, sign = places_of(reference[1:], self._streams), -1.0
+            places += of_reference
+            signs += [sign] * len(of_reference)
         self._keep(key, places, signs)
 
     def _keep(self, key: str, places: list[Place], signs: Sequence[float] = ()) -> None:
@@ -149,16 +149,18 @@ def synchronise(
     columns = _Columns(where, mapping, sources.streams)
     mapping, in_file = _with_texts(where, mapping, sources.streams, columns.found["q_nominal"].places)
     notes = _ordered_by_name(columns, mapping, sources.streams, model)
-    found, joints = columns.found, {key: columns.found[key] for key in columns.joints}
-    base = found["q_nominal"].places
-    names, said = _joint_names(mapping, model, base, sources.streams)
-    notes += said
+    places_of_key, joints = columns.found, {key: columns.found[key] for key in columns.joints}
+    base = places_of_key["q_nominal"].places
+    names, more_notes = _joint_names(mapping, model, base, sources.streams)
+    notes += more_notes
     seen = {key: _candidate(own.places, sources.streams, names) for key, own in joints.items()}
     nominal = seen["q_nominal"]
-    units, inferred, assumed, said = joint_units_of(mapping, nominal, model, names)
-    notes += said
+    units, inferred, assumed, more_notes = joint_units_of(mapping, nominal, model, names)
+    notes += more_notes
     streams = sources.read({stream: list(columns) for stream, columns in columns.wanted.items()})
-    for place in found["ok"].places if "ok" in found else ():  # 1 for a number other than 0, NaN for no number
+    for place in (
+        places_of_key["ok"].places if "ok" in places_of_key else ()
+    ):  # 1 for a number other than 0, NaN for no number
         values = streams[place.stream].columns[place.column].astype(np.float64)
         truths = np.where(np.isfinite(values), values != 0.0, np.nan)
         streams[place.stream] = streams[place.stream].with_column(place.column, truths)
@@ -167,7 +169,7 @@ def synchronise(
     scaled, jumped = dict[str, Floats](), set[str]()
     for key, own in joints.items():
         scaled[key] = own.sign * _scale(key, mapping, seen[key], nominal, units, inferred or units, notes)
-    for key, own in found.items():  # before unwrapping and interpolation
+    for key, own in places_of_key.items():  # before unwrapping and interpolation
         count = 0
         for j, place in enumerate(own.places if key in (*joints, "pose") else ()):
             stream = streams[place.stream]
@@ -186,8 +188,8 @@ def synchronise(
         order = [names.index(name) for name in model.joint_names]
         q = np.column_stack([told_by.columns[base[i].column] * scaled["q_nominal"][i] for i in order])
         notes += tip_said(model, q, told_by, streams[columns.tip[0]], columns.tip[1])
-    places = {key: each.places for key, each in found.items()}
-    used = {place.stream for found in places.values() for place in found} | set(mapping.reported)
+    places = {key: each.places for key, each in places_of_key.items()}
+    used = {place.stream for several in places.values() for place in several} | set(mapping.reported)
     in_si = {key: partial(_in_si, key, getattr(mapping, key), scaled[key]) for key in joints}
     of_log = {name: one for name, one in streams.items() if name in used}
     clock = OneClock(of_log, places, mapping, sources.today, in_si, units)
@@ -195,9 +197,9 @@ def synchronise(
 
     rows = {key: in_si[key](clock.rows(key)) for key in joints}
     further = {
-        key: clock.rows(f"signal {key}") * signal.scale * found[f"signal {key}"].sign
+        key: clock.rows(f"signal {key}") * signal.scale * places_of_key[f"signal {key}"].sign
         for key, signal in mapping.signals.items()
-        if f"signal {key}" in found
+        if f"signal {key}" in places_of_key
     }
     for key in [k for k in ("qd", "tau") if k in rows and getattr(mapping, k).optional]:
         if not np.isfinite(seen[key].ranges if is_piece else rows[key]).any():
@@ -209,14 +211,14 @@ def synchronise(
     pose = None if mapping.q_encoder is None else mapping.q_encoder.pose
     if pose is not None and model is not None:
         rows["q_encoder"] = _tracked(clock, pose, model, scaled["q_nominal"], names, notes)
-    rows["q_nominal"], measured, said = in_one_turn(
+    rows["q_nominal"], measured, more_notes = in_one_turn(
         rows["q_nominal"], rows.get("q_encoder"), units, names, model, jumped
     )
-    notes += said
+    notes += more_notes
     rows |= {} if measured is None else {"q_encoder": measured}
     is_there = np.ones(len(whole), dtype=bool) if measured is None else np.isfinite(measured).all(axis=1)
     # 1 if both neighbours of an interpolated row are ok
-    ok = np.asarray(is_there & (clock.rows("ok") == 1.0).all(axis=1) if "ok" in found else is_there)
+    ok = np.asarray(is_there & (clock.rows("ok") == 1.0).all(axis=1) if "ok" in places_of_key else is_there)
     if measured is not None and not ok.any() and not is_piece:
         why = "ok is set on none that has q_encoder" if is_there.any() else "q_encoder is measured on none"
         raise InputError("; ".join([f"{where}: no usable row: {why}", *clock.notes]))
@@ -299,27 +301,27 @@ def _with_texts(
     n = len(places)
 
     def own(array: str | None) -> tuple[str, ...]:
-        found = texts.get(array or "", ())
-        if array is not None and found and len(found) != n:
+        named = texts.get(array or "", ())
+        if array is not None and named and len(named) != n:
             raise InputError(
-                f"{where}: {array}: expected (n,) texts, {n} as there are columns of q_nominal, got {len(found)}"
+                f"{where}: {array}: expected (n,) texts, {n} as there are columns of q_nominal, got {len(named)}"
             )
-        return found
+        return named
 
-    for given, what in ((mapping.joint_names, "joint names"), (mapping.joint_units, "units")):
-        if given and len(given) != n:
-            raise InputError(f"{where}: has {n} joints, but {len(given)} {what} were given ({','.join(given)})")
+    for stated, what in ((mapping.joint_names, "joint names"), (mapping.joint_units, "units")):
+        if stated and len(stated) != n:
+            raise InputError(f"{where}: has {n} joints, but {len(stated)} {what} were given ({','.join(stated)})")
     names, units = own(mapping.names_in), own(mapping.units_in)
     if not names and not units:
         return mapping, False
-    given = mapping.joint_units
-    if given and mapping.joint_names and names:
-        had = Joints(mapping.joint_names, given)
+    stated = mapping.joint_units
+    if stated and mapping.joint_names and names:
+        had = Joints(mapping.joint_names, stated)
         order = joint_indices(Joints(names), had, whose="the robot that was named", of=f"{where} is of")
-        given = tuple(given[j] for j in order)
-    if given and units and given != units:
-        raise InputError(f"{where}: states the units {','.join(units)}, but {','.join(given)} were given")
-    update = {"joint_names": names or mapping.joint_names, "joint_units": given or units}
+        stated = tuple(stated[j] for j in order)
+    if stated and units and stated != units:
+        raise InputError(f"{where}: states the units {','.join(units)}, but {','.join(stated)} were given")
+    update = {"joint_names": names or mapping.joint_names, "joint_units": stated or units}
     return mapping.model_copy(update=update), bool(units)
 
 
@@ -346,20 +348,20 @@ def _joint_names(
         return own or nameless(n), []
     if n > model.n:
         raise InputError(f'robot "{model.name}" has {model.n} joints, q_nominal {n} columns; give joint_names')
-    said = own or tuple(place.column for place in places)
-    meant = joints_meant(said, model)
+    own_names = own or tuple(place.column for place in places)
+    meant = joints_meant(own_names, model)
     is_known, listed = all(meant) and len(set(meant)) == n, len(mapping.q_nominal.columns) == n
     names = meant if is_known else model.joint_names[:n]
     # a number in a column's name is rarely a joint's number unless all columns have one
     astray = any(each not in ("", j) and not each[-1].isdigit() for j, each in zip(names, meant, strict=True))
     if astray or (own and not is_known and not listed):
         raise InputError(
-            f'q_nominal: {", ".join(map(cut, said))} are not clearly joints of robot "{model.name}", which has '
+            f'q_nominal: {", ".join(map(cut, own_names))} are not clearly joints of robot "{model.name}", which has '
             f"{joints_text(model)}; list the columns in the order of its joints, or give joint_names"
         )
-    matched = f"{'by their names' if is_known else 'in order'} ({', '.join(map(cut, said))} in the recording)"
+    matched = f"{'by their names' if is_known else 'in order'} ({', '.join(map(cut, own_names))} in the recording)"
     note = f'columns of q_nominal are {", ".join(names)} of robot "{model.name}", {matched}'
-    return names, [note] * (names != said)
+    return names, [note] * (names != own_names)
 
 
 def recorded_joints(places: Sequence[Place], streams: Sequence[Stream]) -> tuple[str, ...]:
@@ -367,8 +369,8 @@ def recorded_joints(places: Sequence[Place], streams: Sequence[Stream]) -> tuple
     own = []
     for place in places:
         stream = next(s for s in streams if s.name == place.stream)
-        array, _, rest = place.column.partition("[")
-        own.append(rest[:-1] if rest[:-1] in stream.joints.get(array, ()) else "")
+        array, _, index = place.column.partition("[")
+        own.append(index[:-1] if index[:-1] in stream.joints.get(array, ()) else "")
     return tuple(own) if all(own) and len(set(own)) == len(own) else ()
 
 
@@ -379,15 +381,15 @@ def _ordered_by_name(
 
     def names_of(key: str) -> tuple[str, ...]:
         places = columns.found[key].places
-        own = found = recorded_joints(places, streams) or tuple(place.star for place in places)
+        own = names = recorded_joints(places, streams) or tuple(place.star for place in places)
         if model is not None:
-            found = joints_meant([o or p.column for o, p in zip(own, places, strict=True)], model)
-        found = found if all(found) else own
-        return found if all(found) and len(set(found)) == len(found) else ()
+            names = joints_meant([o or p.column for o, p in zip(own, places, strict=True)], model)
+        names = names if all(names) else own
+        return names if all(names) and len(set(names)) == len(names) else ()
 
     in_recording, notes = names_of("q_nominal"), []
     for key in columns.joints:
-        own, found = names_of(key), columns.found[key]
+        own, own_columns = names_of(key), columns.found[key]
         orders = [in_recording, mapping.joint_names] if key != "q_nominal" else [mapping.joint_names]
         order = next((one for one in orders if set(own) & set(one)), ())
         if own == order or not own or not any(orders):
@@ -400,7 +402,7 @@ def _ordered_by_name(
             notes.append(f"{key}: joints are in another order than q_nominal's, as the mapping names them")
             continue
         index = joint_indices(Joints(order), Joints(own), whose=key, of="q_nominal has")
-        columns.found[key] = _Found([found.places[i] for i in index], found.sign[index])
+        columns.found[key] = _Found([own_columns.places[i] for i in index], own_columns.sign[index])
         notes.append(f"{key}: has its joints in another order; they were taken by name")
     return notes
 
@@ -454,10 +456,10 @@ def _tracked(
         return TrackedPoses(*measured, start, speed)
 
     seen = poses_at(0.0)
-    base, marker, said = registered(model, tracked, poses.values, poses_at, chosen)
-    notes += said
-    found, said = joints_from_poses(model, tracked, seen, base, marker, chosen)
-    notes += said
+    base, marker, tracker_notes = registered(model, tracked, poses.values, poses_at, chosen)
+    notes += tracker_notes
+    found, tracker_notes = joints_from_poses(model, tracked, seen, base, marker, chosen)
+    notes += tracker_notes
     return interpolate(Series(poses.stamp, found[:, chosen], poses.report), clock.stamp, clock.gap("pose"))
 
 
@@ -493,8 +495,8 @@ def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
 
 def _settled(mapping: RecordingMapping, joints: dict[str, _Found], *, in_file: bool) -> dict[str, tuple[str, ...]]:
     """Return the corrections stated in the mapping, which have priority over a model's."""
-    said = [] if mapping.assumed_units and not in_file else ["units"]
-    settled = [step for step in (*said, "time_unit") if step not in mapping.unsettled]
+    steps = [] if mapping.assumed_units and not in_file else ["units"]
+    settled = [step for step in (*steps, "time_unit") if step not in mapping.unsettled]
     for key, columns in joints.items():
         quantity = getattr(mapping, key)
         settled += [f"units:{key}"] * bool(quantity.units) + [f"scale:{key}"] * bool(quantity.scale)
@@ -513,8 +515,8 @@ def unwrap_columns(
             continue
         stream = changed[place.stream]
         values = np.asarray(stream.columns[place.column], dtype=np.float64)
-        found, jumps = unwrapped(values, TURN / abs(float(factor)))
+        turned, jumps = unwrapped(values, TURN / abs(float(factor)))
         if jumps:
-            changed[place.stream] = stream.with_column(place.column, found)
+            changed[place.stream] = stream.with_column(place.column, turned)
             jumped[name] = jumps
     return changed, jumped

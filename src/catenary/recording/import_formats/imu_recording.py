@@ -85,10 +85,10 @@ def read_imu(
             )
         stamp, why = table_time.stamp, table_time.said
     else:
-        given = whole.stamp if whole.stamp is not None and (whole.stamp > 0).all() else whole.arrival
-        if given is None:
+        clock = whole.stamp if whole.stamp is not None and (whole.stamp > 0).all() else whole.arrival
+        if clock is None:
             raise FileFormatError(f"{path}: {stream.name}: its messages have no stamps")
-        stamp, why = given, f"{stream.name}: {whole.rows} messages"
+        stamp, why = clock, f"{stream.name}: {whole.rows} messages"
     values = np.column_stack([np.asarray(whole.columns[name], dtype=float) for name in names])
     measured, turned = (_measured(whole, name, len(values)) for name in ("linear_acceleration", "angular_velocity"))
     without = int((~measured).sum())
@@ -109,8 +109,8 @@ def read_imu(
     rate = rows[:, 3:] if rows.shape[1] == 6 and turned[known].all() else None
     if rows.shape[1] == 6 and rate is None:
         missing += "; its messages say (covariance -1) that they measure no angular velocity"
-    said = (why + missing + spread, f"read {', '.join(map(cut, names))}")
-    return ImuRecording(seconds, rows[:, :3], rate, (*said, *sources.notes))
+    notes = (why + missing + spread, f"read {', '.join(map(cut, names))}")
+    return ImuRecording(seconds, rows[:, :3], rate, (*notes, *sources.notes))
 
 
 def _measured(stream: Stream, name: str, rows: int) -> Flags:
@@ -136,14 +136,14 @@ def _spread(seconds: Floats) -> tuple[Floats, str]:
 
 def _stream(path: Path, streams: Sequence[Stream], topic: str | None) -> Stream:
     if topic is not None:
-        found = [stream for stream in streams if stream.name == topic]
+        matching = [stream for stream in streams if stream.name == topic]
     else:
-        found = [s for s in streams if s.type == "table" or s.type.replace("/msg/", "/") == _IMU_TYPE]
-    if len(found) == 1:
-        return found[0]
+        matching = [s for s in streams if s.type == "table" or s.type.replace("/msg/", "/") == _IMU_TYPE]
+    if len(matching) == 1:
+        return matching[0]
     there = ", ".join(f"{cut(s.name)} ({s.type})" for s in streams)
-    wanted = f"topic {cut(topic)}" if topic is not None else f"one topic of {_IMU_TYPE}, or one table"
-    raise InputError(f"{path}: expected {wanted}, got {len(found)}; it has {there}")
+    expected = f"topic {cut(topic)}" if topic is not None else f"one topic of {_IMU_TYPE}, or one table"
+    raise InputError(f"{path}: expected {expected}, got {len(matching)}; it has {there}")
 
 
 def _named(stream: Stream, patterns: Sequence[str], *, required: bool) -> list[str]:
@@ -167,10 +167,10 @@ def _plain(name: str) -> str:
 
 def _scale(name: str, patterns: Sequence[str]) -> float:
     """Return the factor of a column to SI, by the unit in its name."""
-    found = _UNIT.search(name.strip())
-    if found is None:
+    match = _UNIT.search(name.strip())
+    if match is None:
         return 1.0
-    text = (found["unit"] or found["tail"]).lower().replace(" ", "")
+    text = (match["unit"] or match["tail"]).lower().replace(" ", "")
     unit = WORDS["inertial"]["spelt"].get(text, text)
     choices = RATE_UNITS if patterns is _RATE else ACCELERATION_UNITS
     if unit not in choices:

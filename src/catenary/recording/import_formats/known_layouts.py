@@ -134,8 +134,8 @@ def read_commands(
         raise FileFormatError(f'{path}: array "{missing}" is missing; {expected}{advice}')
     sources = _sources(path, content, ("q_des", "q_act", "tau", "dq"), ("ok", "t"))
     mapping = layout_mapping("recording/command_log")
-    given = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
-    return synchronise(sources, mapping.model_copy(update=given)).log
+    options = {"joint_names": tuple(joint_names or ()), "joint_units": tuple(units or ())}
+    return synchronise(sources, mapping.model_copy(update=options)).log
 
 
 _TORQUES = ("tau", "effort", "current")  # arrays of a torque log, the first that it has; the others raw
@@ -158,8 +158,8 @@ def read_torques(path: Path, model: RobotModel, *, raw: bool = False, joints: Se
     own = dict(zip(model.joint_names, model.joint_units, strict=True))
     stated = sources.streams[0].texts.get("units")
     units = stated or tuple(own.get(name, "rad") for name in names)
-    given = {"joint_names": tuple(names), "joint_units": units, "default_robot": model.name}
-    log = synchronise(sources, mapping.model_copy(update=given)).log
+    options = {"joint_names": tuple(names), "joint_units": units, "default_robot": model.name}
+    log = synchronise(sources, mapping.model_copy(update=options)).log
     if not joints:
         log = log.of_robot(model, model.name)
     if raw or torque == "tau":
@@ -189,8 +189,8 @@ def _sources(
         raise FileFormatError(f"{path}: {per_joint[0]}: expected shape (N, n), got {first}")
     if 0 in first:
         raise FileFormatError(f"{path}: {per_joint[0]} is empty: {first}")
-    wanted = dict.fromkeys(per_joint, first) | dict.fromkeys(per_row, first[:1])
-    for name, shape in wanted.items():
+    numbers = dict.fromkeys(per_joint, first) | dict.fromkeys(per_row, first[:1])
+    for name, shape in numbers.items():
         if name not in content:
             continue
         if content[name].dtype.kind not in "biuf":

@@ -206,8 +206,8 @@ def mapping_of(
     if not options and file is None and content is None:
         return None
     of_file = load_toml(file, RecordingMapping).model_dump(mode="json", exclude_unset=True) if file else {}
-    if asked := re.findall(r"# OPEN: (.*)", file.read_text("utf-8")) if file else []:
-        raise ConfigError(f"{file}: still OPEN: {cut(asked[0])}: answer it there, then delete the marks OPEN")
+    if questions := re.findall(r"# OPEN: (.*)", file.read_text("utf-8")) if file else []:
+        raise ConfigError(f"{file}: still OPEN: {cut(questions[0])}: answer it there, then delete the marks OPEN")
     content = of_file or dict(content or {})
     for option in options:
         _take(option, content)
@@ -225,15 +225,15 @@ def words_of(text: str | None) -> list[str]:
 
 
 def _take(option: str, content: dict[str, Any]) -> None:
-    found = _OPTION.match(option)
+    match = _OPTION.match(option)
     names = (*JOINT_QUANTITIES, "ok", "time", "signal:NAME")
-    if found is None:
+    if match is None:
         raise ConfigError(f"--map {cut(option)}: expected QUANTITY=COLUMNS, QUANTITY one of {', '.join(names)}")
-    quantity, text = found["quantity"], found["columns"]
+    quantity, text = match["quantity"], match["columns"]
     columns, _, units = text.rpartition("@") if "@" in text else (text, "", "")
     listed = words_of(columns)
-    if quantity == "signal" and found["signal"]:
-        content.setdefault("signals", {})[found["signal"].strip()] = {"columns": listed, "units": units}
+    if quantity == "signal" and match["signal"]:
+        content.setdefault("signals", {})[match["signal"].strip()] = {"columns": listed, "units": units}
     elif quantity in JOINT_QUANTITIES:
         content[quantity] = {"columns": listed, **_units_and_scales(option, units)}
     elif quantity in ("ok", "time"):

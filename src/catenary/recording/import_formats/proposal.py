@@ -89,8 +89,8 @@ def propose(
     """
     draft = _Draft(answers or {})
     model = None if robot is None else load_robot(robot)
-    found = _not_set_aside(candidates_of(sources.streams, sources.today, model), draft)
-    nominal, encoder = _positions(found, sources.streams, draft)
+    candidates = _not_set_aside(candidates_of(sources.streams, sources.today, model), draft)
+    nominal, encoder = _positions(candidates, sources.streams, draft)
     if encoder is not None and encoder.is_potentiometer:
         text = (
             f"whether the potentiometers {encoder.name} are q_encoder: they show encoders that were set wrong, beyond "
@@ -116,7 +116,7 @@ def propose(
             its, why, is_sure = encoder_units(encoder, nominal, chosen, units)
             its, why = (its, why) if is_sure else _asked_units("q_encoder", its, why, draft)
             _write(draft, "q_encoder", encoder, its, why)
-        _further(found, nominal, draft)
+        _further(candidates, nominal, draft)
     used = [one.stream for one in (nominal, encoder) if one is not None]
     if encoder is None:
         own = set[str]() if nominal is None else {*nominal.columns}
@@ -138,10 +138,13 @@ def propose(
     if unheard:
         none = "nothing is open: leave --answer out and say --yes, or name columns and units by --map"
         raise InputError(f"--answer {unheard[0]}: the proposal does not ask this: {'; '.join(questions) or none}")
-    said = [f"# {line}" for line in draft.decisions]
+    comments = [f"# {line}" for line in draft.decisions]
     for about, (text, choices) in draft.questions.items():
-        said += [f"# OPEN: {text}", *(f"#   --answer {about}={choice}   {words}" for choice, words in choices.items())]
-    lines = map(visible, [*said, *draft.top, *draft.tables])
+        comments += [
+            f"# OPEN: {text}",
+            *(f"#   --answer {about}={choice}   {words}" for choice, words in choices.items()),
+        ]
+    lines = map(visible, [*comments, *draft.top, *draft.tables])
     toml = "".join(line.replace("\n", "\\n").replace("\t", " ") + "\n" for line in lines)  # no comment has line feeds
     return Proposal(toml, tuple(draft.decisions), questions, left)
 
@@ -213,8 +216,8 @@ def _positions(
         if pair is not None:
             both = f"{ends(pair[0].references)} or {ends(pair[1].references)}"
             text = f"which is q_nominal: {both}; the other is q_encoder"
-            said = {one.references[0]: f"{ends(one.references)} is q_nominal" for one in pair}
-            return pair[::-1] if draft.ask("q_nominal", text, said) == pair[1].references[0] else pair
+            words = {one.references[0]: f"{ends(one.references)} is q_nominal" for one in pair}
+            return pair[::-1] if draft.ask("q_nominal", text, words) == pair[1].references[0] else pair
     elif not reported and not commanded and not actual and outside:
         reported = [one for one in unknown if len(one.columns) == len(outside[0].columns)]
     if not outside and measured and own:
@@ -333,9 +336,9 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
         if len(parts) == 1 and parts[0].is_whole:
             its, scale = parts[0].stated_units(), parts[0].stated_scale()
             by = "by the names of the columns" if its or scale else ""
-            said = f"Nm and N a unit, {by}" if scale else "taken in Nm and N"
-            said = said if quantity == "tau" else f"per second, {by or 'as q_nominal'}"
-            _write(draft, quantity, parts[0], its or () if quantity == "qd" else (), said, scale or ())
+            words = f"Nm and N a unit, {by}" if scale else "taken in Nm and N"
+            words = words if quantity == "tau" else f"per second, {by or 'as q_nominal'}"
+            _write(draft, quantity, parts[0], its or () if quantity == "qd" else (), words, scale or ())
         elif len(parts) > 1:
             draft.decisions.append(f"{quantity} may be {' or '.join(one.name for one in parts[:5])}; none was taken")
     currents = [one.name for one in found if one.kind == "current"]
@@ -390,7 +393,7 @@ def _tracked(
 
 
 def _times(used: Mapping[str, Stream], draft: _Draft, today: float) -> None:
-    columns, units, said = list[str](), list[str](), list[str]()
+    columns, units, notes = list[str](), list[str](), list[str]()
     tables = [stream for stream in used.values() if stream.type == "table"]
     trusted = [(stream.name, column) for stream in tables for column in ok_columns(stream)]
     if trusted:
@@ -405,7 +408,7 @@ def _times(used: Mapping[str, Stream], draft: _Draft, today: float) -> None:
             column = draft.ask("time", text, dict.fromkeys(named, "is the time")) or column
         draft.used[stream.name].update(times_among(stream, [column or ""]))
         try:
-            found = time_of(stream, named and [column or ""], None, None, today=today)
+            time = time_of(stream, named and [column or ""], None, None, today=today)
         except CoarseTimeError as error:
             rate = draft.ask("rate_hz", str(error), {"HZ": "rows a second"}, is_free=True)
             draft.top += [f"rate_hz = {rate}"] * (rate is not None)
@@ -416,23 +419,23 @@ def _times(used: Mapping[str, Stream], draft: _Draft, today: float) -> None:
                 columns.append(column or "")
                 units.append("")
                 continue
-            found = time_of(stream, [column or ""], unit, None, today=today)
-        if found is not None and found.column:
-            columns.append(found.column)
-            units.append(found.unit)
-            said.append(found.said)
-        elif found is None:
+            time = time_of(stream, [column or ""], unit, None, today=today)
+        if time is not None and time.column:
+            columns.append(time.column)
+            units.append(time.unit)
+            notes.append(time.said)
+        elif time is None:
             draft.decisions.append(f"{stream.name}: no column is the time; rate_hz gives rows one")
             draft.top.append("# rate_hz = 100.0  # rows a second: the table has no time")
     if columns:
         names = list(dict.fromkeys(map(_text, columns)))
         draft.top.append(f"time = {names[0] if len(names) == 1 else '[' + ', '.join(names) + ']'}")
         if len(set(units)) == 1 and units[0]:
-            draft.top.append(f"time_unit = {_text(units[0])}  # {visible('; '.join(said))}")
+            draft.top.append(f"time_unit = {_text(units[0])}  # {visible('; '.join(notes))}")
         elif "" in units:
             draft.top.append('# time_unit = "s"  # OPEN: s, ms, us, ns or such as 4000Hz, of all tables')
         else:
-            draft.top.append(f"# {visible('; '.join(said))}")
+            draft.top.append(f"# {visible('; '.join(notes))}")
 
 
 def _write(

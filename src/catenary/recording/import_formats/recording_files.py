@@ -72,9 +72,9 @@ class Bag:
                 streams[name] = self._unread(name, error)
         for name, arrivals, block in self._evenly(columns):
             columns[name].add(arrivals, block)
-        for name, found in columns.items():
+        for name, column in columns.items():
             try:
-                streams[name] = replace(found.taken(), rows=self.counts[name])
+                streams[name] = replace(column.taken(), rows=self.counts[name])
             except FileFormatError as error:
                 streams[name] = self._unread(name, error)
         return [streams[name] for name in self.counts]
@@ -198,20 +198,24 @@ class _TopicColumns:
             values, to_si = records[path].reshape(len(records), -1), 1.0
             joint = _joint_of(path, records, kinds)
             if path in named and joint:
-                said = [(rows, [f"{name}[{joint}]" for name in names]) for rows, names in orders[named[path]]]
-                for name in said[0][1]:
+                orders_of_names = [
+                    (rows, [f"{name}[{joint}]" for name in names]) for rows, names in orders[named[path]]
+                ]
+                for name in orders_of_names[0][1]:
                     array = name.partition("[")[0]
                     self._joints[array] = tuple(dict.fromkeys((*self._joints.get(array, ()), joint)))
             elif path in named:
-                said = [
+                orders_of_names = [
                     (rows, self._joint_columns(column, joints, values.shape[1])) for rows, joints in orders[named[path]]
                 ]
             elif path in self._own:
                 to_si = self._own[path].to_si
-                said = [(every, [f"{path}[{label}]" if label else path for label in self._own[path].labels])]
+                orders_of_names = [(every, [f"{path}[{label}]" if label else path for label in self._own[path].labels])]
             else:
-                said = [(every, [f"{column}[{i}]" for i in range(values.shape[1])] if kind.shape else [column])]
-            for rows, targets in said:
+                orders_of_names = [
+                    (every, [f"{column}[{i}]" for i in range(values.shape[1])] if kind.shape else [column])
+                ]
+            for rows, targets in orders_of_names:
                 for i, target in enumerate(targets[: values.shape[1]]):
                     if self._is_wanted(target):
                         some = values[:, i] if rows is every else values[rows, i]
@@ -237,7 +241,7 @@ class _TopicColumns:
 def _by_child(messages: Integers, records: NDArray[np.void]) -> Iterator[tuple[Integers, NDArray[np.void]]]:
     """Yield messages with their records; of transforms in a row (/tf) each alone, its fields by the child's name."""
     kinds: Mapping[str, Any] = records.dtype.fields or {}
-    places = [found[1] for path in kinds if (found := re.fullmatch(r"(\w+\.\d+)\.child_frame_id", path))]
+    places = [match[1] for path in kinds if (match := re.fullmatch(r"(\w+\.\d+)\.child_frame_id", path))]
     if not places:
         yield messages, records
     for place in places:
@@ -295,9 +299,9 @@ def _orders(records: NDArray[np.void], kinds: Mapping[str, Any], names: str) -> 
     groups: dict[tuple[bytes, ...], list[int]] = {}
     for row in np.flatnonzero(~same).tolist():
         groups.setdefault(tuple(bytes(records[row][one]) for one in fields), []).append(row)
-    found = [(np.flatnonzero(same), texts)]
-    found += [(np.array(rows, dtype=np.int64), list(order)) for order, rows in groups.items()]
-    return [(rows, [text.rstrip(b"\0").decode(errors="replace") for text in order]) for rows, order in found]
+    orders = [(np.flatnonzero(same), texts)]
+    orders += [(np.array(rows, dtype=np.int64), list(order)) for order, rows in groups.items()]
+    return [(rows, [text.rstrip(b"\0").decode(errors="replace") for text in order]) for rows, order in orders]
 
 
 _LONG_FILE_BYTES = 64 << 20  # from which a file is not held whole, where its format is read in parts
@@ -348,8 +352,8 @@ class Sources:
                 raise InputError(f"{twice}; expected parts of one recording")
         self.streams = _joined(every)
         if not any(stream.columns for stream in self.streams):
-            said = [note for stream in self.streams for note in stream.notes]
-            why = "; ".join([*said, *self.problems])
+            notes = [note for stream in self.streams for note in stream.notes]
+            why = "; ".join([*notes, *self.problems])
             raise FileFormatError(f"{', '.join(map(str, paths))}: holds no numbers{f'; {why}' if why else ''}")
 
     @classmethod
@@ -419,12 +423,12 @@ class Sources:
 
     def read(self, wanted: Mapping[str, Collection[str]]) -> dict[str, Stream]:
         """Return streams with the columns wanted of each, whole."""
-        found = [stream for stream in self._whole if stream.name in wanted]
+        streams = [stream for stream in self._whole if stream.name in wanted]
         for bag in self._bags:
             here = {name: columns for name, columns in wanted.items() if name in bag.counts}
-            found += chain.from_iterable(bag.parts(here) if here else ())
+            streams += chain.from_iterable(bag.parts(here) if here else ())
             self.notes += [note for note in bag.problems if note not in self.notes]
-        return {stream.name: stream for stream in _joined(found)}
+        return {stream.name: stream for stream in _joined(streams)}
 
 
 def container_of(path: Path) -> tuple[Path, str]:
@@ -445,7 +449,7 @@ def needs_mapping(path: Path) -> bool:
 
 def _joined(streams: Sequence[Stream]) -> list[Stream]:
     """Return streams with the parts of a topic that lie in several bags put one behind the other."""
-    found: dict[str, list[Stream]] = {}
+    pieces: dict[str, list[Stream]] = {}
     for stream in streams:
-        found.setdefault(stream.name, []).append(stream)
-    return list(map(joined, found.values()))
+        pieces.setdefault(stream.name, []).append(stream)
+    return list(map(joined, pieces.values()))

@@ -89,45 +89,45 @@ class TrackerRegistration:
 
     def notes(self, names: Sequence[str], units: Sequence[str]) -> list[str]:
         """Return the result as notes; transforms as a mapping has them."""
-        found, shown = self.found, [DISPLAY[unit] for unit in units]
+        solved, shown = self.found, [DISPLAY[unit] for unit in units]
 
         def sizes(error: Floats) -> str:
             parts = zip(("mm", "deg"), (1e3, np.rad2deg(1.0)), error, strict=False)
             return " and ".join(f"{scale * size:.2g} {unit}" for unit, scale, size in parts if size > 0.0)
 
-        said = [
+        notes = [
             f"registered by {self.poses} poses, {sizes(self.left)} rms per axis from the fit, {self.outliers} outliers"
         ]
-        said += [
+        notes += [
             f"doubt: what is left is {self.left[0] / self.reach:.0%} of the motion, {1e3 * self.reach:.0f} mm: clocks "
             "far apart, joints in another order or unit, a marker on another frame? The errors stated here may not hold"
         ] * bool(self.left[0] > _DOUBTFUL_SHARE * self.reach)
         middle = f" at {np.round(self.middle, 3).tolist()} m"
         for name, pose, error, where in (
-            ("T_base_tracker", found.base, self.base_error, middle),
-            ("T_marker_frame", found.marker.inverse(), self.marker_error, ""),
+            ("T_base_tracker", solved.base, self.base_error, middle),
+            ("T_marker_frame", solved.marker.inverse(), self.marker_error, ""),
         ):
             at = np.round(pose.position, 6).tolist()
             turn = np.round(quaternion_from_rotation(pose.rotation), 7).tolist()
             text = f"{name} = {{ position_m = {at}, quaternion_wxyz = {turn} }}  # 95 %: within {sizes(error)}{where}"
-            said += [text] * bool(error.any())
-        rows = list(zip(names, shown, found.offsets, self.offset_error, self.joint_error, self.is_told, strict=True))
+            notes += [text] * bool(error.any())
+        rows = list(zip(names, shown, solved.offsets, self.offset_error, self.joint_error, self.is_told, strict=True))
         zeros = [f"{n} {s * x:.3g} +- {s * e:.2g} {unit}" for n, (unit, s), x, e, _, known in rows if known and e > 0.0]
-        said += [f"offsets of the joints' zeros: {', '.join(zeros)}"] * bool(zeros)
-        said += [
+        notes += [f"offsets of the joints' zeros: {', '.join(zeros)}"] * bool(zeros)
+        notes += [
             f"no motion tells the zero of {', '.join(name for name, *_, known in rows if not known)} from how the "
             "tracker stands and the marker sits: it was taken as reported. Their q_encoder is right but for a constant "
             "of which a fit learns nothing; T_base_tracker (of the first joint) or T_marker_frame (of the last), "
             "measured otherwise, tells it"
         ] * (not self.is_told.all())
         errors = ", ".join(f"{name} {s * e:.2g} {unit}" for name, (unit, s), _, _, e, _ in rows)
-        said.append(f"what the registration may put q_encoder off by, 95 %: {errors}")
-        said += [
-            f"the robot's reports fit the poses best as {1e3 * abs(found.late):.0f} +- {1e3 * self.late_error:.1g} ms "
-            f"{'old' if found.late > 0.0 else 'early'}: a clock's delay, or slack of the joints; the transforms allow "
+        notes.append(f"what the registration may put q_encoder off by, 95 %: {errors}")
+        notes += [
+            f"the robot's reports fit the poses best as {1e3 * abs(solved.late):.0f} +- {1e3 * self.late_error:.1g} ms "
+            f"{'old' if solved.late > 0.0 else 'early'}: a clock's delay, or slack of the joints; the transforms allow "
             "for it, rows were not moved"
-        ] * (abs(found.late) > max(2.0 * self.late_error, 2e-3))
-        return said
+        ] * (abs(solved.late) > max(2.0 * self.late_error, 2e-3))
+        return notes
 
 
 def register(
@@ -163,20 +163,18 @@ def register(
     every = _Problem(model, seen, list(chosen), frame, middle, reach, units, basis, TRACKER_NOISE)
     coarse = replace(every, tracked=seen.evenly(_COARSE_POSES), noise=np.array([0.1 * reach, 0.1]))
     starts = [coarse.solved(start, robust=True, steps=20) for start in coarse.starts(base, marker)]
-    found = min(starts, key=lambda at: float(np.log(np.median(coarse.lengths(at), axis=0)).sum()))
-    held, is_told = every.without_what_no_motion_tells(coarse.solved(found, robust=True))
-    found = found._replace(offsets=np.zeros(len(joints)))
+    best = min(starts, key=lambda at: float(np.log(np.median(coarse.lengths(at), axis=0)).sum()))
+    held, is_told = every.without_what_no_motion_tells(coarse.solved(best, robust=True))
+    best = best._replace(offsets=np.zeros(len(joints)))
     for _ in range(3):
-        found = replace(held, noise=held.noise_of(found)).solved(found, robust=True)
+        best = replace(held, noise=held.noise_of(best)).solved(best, robust=True)
     for _ in range(3):
-        noise = held.noise_of(found)
-        near = np.asarray(
-            (held.lengths(found) < _OUTLIER_SIGMAS * noise[: 1 + (seen.rotation is not None)]).all(axis=1)
-        )
+        noise = held.noise_of(best)
+        near = np.asarray((held.lengths(best) < _OUTLIER_SIGMAS * noise[: 1 + (seen.rotation is not None)]).all(axis=1))
         kept = replace(held, tracked=seen.part(near), noise=noise)
-        found = kept.solved(found, robust=False)
-    kept.refuse_what_is_open(found)
-    return kept.with_errors(found, is_told, outliers=int((~near).sum()))
+        best = kept.solved(best, robust=False)
+    kept.refuse_what_is_open(best)
+    return kept.with_errors(best, is_told, outliers=int((~near).sum()))
 
 
 def register_in_time(model: RobotModel, poses_at: PosesAt, chosen: Sequence[int], **given: Any) -> TrackerRegistration:
@@ -290,21 +288,21 @@ class _Problem:
         A = np.concatenate(columns, axis=2).reshape(3 * M, -1)
         drawn = Rotation.from_quat(np.random.default_rng(0).normal(size=(_LOOKS, 4))).as_matrix()
         looks = drawn if base is None else X.rotation[None]
-        rest = known[:, None] - np.einsum("kab,ib->iak", looks, t.position, optimize=True).reshape(3 * M, -1)
-        places = np.linalg.pinv(A, rcond=1e-6) @ rest
-        found: list[Estimate] = []
-        for i in np.argsort(((rest - A @ places) ** 2).sum(axis=0)).tolist():
+        offsets = known[:, None] - np.einsum("kab,ib->iak", looks, t.position, optimize=True).reshape(3 * M, -1)
+        places = np.linalg.pinv(A, rcond=1e-6) @ offsets
+        estimates: list[Estimate] = []
+        for i in np.argsort(((offsets - A @ places) ** 2).sum(axis=0)).tolist():
             look, x, turn = looks[i], places[:, i], Z.rotation
-            if all(np.trace(look.T @ other.base.rotation) < 2.4 for other in found):  # 0.8 rad apart
+            if all(np.trace(look.T @ other.base.rotation) < 2.4 for other in estimates):  # 0.8 rad apart
                 if marker is None and t.rotation is not None:
                     turns = np.swapaxes(frame.rotation, 1, 2) @ look @ t.rotation
                     turn = Rotation.from_matrix(turns).mean().as_matrix()
                 at = Pose(look, x[:3] if base is None else X.position)
                 z = Pose(turn, x[-3:] if marker is None else Z.position)
-                found.append(Estimate(at, z, np.zeros(len(self.chosen))))
-            if len(found) == _FOLLOWED_LOOKS:
+                estimates.append(Estimate(at, z, np.zeros(len(self.chosen))))
+            if len(estimates) == _FOLLOWED_LOOKS:
                 break
-        return found
+        return estimates
 
     def information(self, at: Estimate, q: Floats | None = None) -> Floats:
         """Return the mean information of a usual tracker's pose about what is sought (m, m); at joints q if given."""
@@ -418,7 +416,7 @@ class _Problem:
 def _independent(residual: Floats) -> int:
     """Return the number of stretches with independent errors, _MIN_STRETCHES to _MAX_STRETCHES."""
     r = residual - residual.mean(axis=0)
-    most = len(r) // (2 * _MIN_STRETCHES)
-    alike = (float((r[lag:] * r[:-lag]).sum()) < 0.2 * float((r * r).sum()) for lag in range(1, most + 1))
-    lag = next((i for i, is_new in enumerate(alike) if is_new), most)
+    longest = len(r) // (2 * _MIN_STRETCHES)
+    alike = (float((r[lag:] * r[:-lag]).sum()) < 0.2 * float((r * r).sum()) for lag in range(1, longest + 1))
+    lag = next((i for i, is_new in enumerate(alike) if is_new), longest)
     return int(np.clip(len(r) // (4 * lag) if lag else _MAX_STRETCHES, _MIN_STRETCHES, min(_MAX_STRETCHES, len(r))))

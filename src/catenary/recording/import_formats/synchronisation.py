@@ -54,6 +54,7 @@ _MAX_DRIFT = 2e-3  # of one clock beside another
 _MAX_ROWS = 200_000  # that the delay is found by
 _GAP_S = 1.0  # [s] beyond which nothing is read between two samples
 _ROUNDS = 3
+_MAX_PARTS = 8  # of a file whose clock was set again: more pauses are rows that were lost
 _GIVEN = "--clock SECONDS,PPM gives its offset and rate, 0,0 where it is one with q_nominal's"
 _CHANGE_SIGMAS = 2.0  # by which the rate of a clock must differ: no two are the same
 InSi = Callable[[Floats], Floats]  # makes of a quantity's columns (N, n) joints in rad, m, Nm and N
@@ -99,13 +100,13 @@ class FileClock:
 
     def __str__(self) -> str:
         """Return the clock as text, with its intervals."""
-        said = f"its clock is {self.ahead:+.4f} s ahead of q_nominal's and gains {1e6 * self.fast:+.1f} ppm"
+        clock = f"its clock is {self.ahead:+.4f} s ahead of q_nominal's and gains {1e6 * self.fast:+.1f} ppm"
         if self.delay is None:
-            return f"{said}, as given"
+            return f"{clock}, as given"
         low, high = self.interval
         _, slowest, fastest = (1e6 * (self.fast + rate) for rate in self.delay.rate)
         gains = f", {slowest:+.0f} to {fastest:+.0f} ppm" * bool(slowest < fastest)
-        return f"{said} ({low:+.3f} to {high:+.3f} s{gains}), by the motion that both saw"
+        return f"{clock} ({low:+.3f} to {high:+.3f} s{gains}), by the motion that both saw"
 
 
 def clock_by_motion(base: Series, other: Series, units: tuple[str, ...], where: str) -> FileClock:
@@ -174,11 +175,11 @@ def _by_speeds(base: Series, other: Series, where: str) -> list[FileClock]:
     size = round(_PART_S / _STEP_S)
     edges = np.linspace(0, len(speed), -(-len(speed) // size) + 1).astype(int)
     begins = (int(other.stamp[0]) - int(base.stamp[0])) / SECOND
-    found = []
+    candidates = []
     for first, last in pairwise(edges):
         lags, correlations = _best_lags(speed[first:last], known[first:last], its, seen)
-        found.append((correlations, (first + last) / 2.0 * _STEP_S, (lags - first) * _STEP_S))
-    correlations, at, aheads = max(found, key=lambda each: float(each[0][0]))
+        candidates.append((correlations, (first + last) / 2.0 * _STEP_S, (lags - first) * _STEP_S))
+    correlations, at, aheads = max(candidates, key=lambda each: float(each[0][0]))
     best = float(correlations[0])
     if best < _MIN_CORRELATION:
         raise NothingInCommonError(
@@ -189,7 +190,7 @@ def _by_speeds(base: Series, other: Series, where: str) -> list[FileClock]:
     for ahead in aheads[1.0 - correlations < _RIVAL_RATIO * (1.0 - best) + 1e-9]:
         like = [
             (t, a[0])
-            for r, t, a in found
+            for r, t, a in candidates
             if r[0] > _MIN_CORRELATION and abs(a[0] - ahead) < _MAX_DRIFT * abs(t - at) + 0.5
         ]
         times, near = np.array([*like, (at, ahead)]).T
@@ -208,8 +209,8 @@ def _speeds(series: Series) -> tuple[Floats, Floats]:
     box = np.ones(_SMOOTH_STEPS) / _SMOOTH_STEPS
     speed = np.column_stack([np.gradient(np.convolve(np.interp(grid, t, c), box, "same")) for c in q.T])
     speed[:_SMOOTH_STEPS] = speed[-_SMOOTH_STEPS:] = 0.0
-    most = 2.0 * np.percentile(np.abs(speed[known > 0.0]), 99.0, axis=0) + 1e-12  # wild rows are no motion
-    speed = np.clip(speed, -most, most) * known[:, None]
+    limit = 2.0 * np.percentile(np.abs(speed[known > 0.0]), 99.0, axis=0) + 1e-12  # wild rows are no motion
+    speed = np.clip(speed, -limit, limit) * known[:, None]
     return speed / np.maximum(np.sqrt((speed**2).mean(axis=0)), 1e-12), known
 
 
@@ -257,31 +258,33 @@ class OneClock:
         self._alone = len(streams) == 1 and streams[self.base].stamp is None
         self._tables, self.notes = dict[str, TableTime](), list[str]()
         stamps = {name: self._stamp_of(stream) for name, stream in streams.items()}
-        found = self._clean(streams, stamps)
+        series_of = self._clean(streams, stamps)
         arrivals = {name: one.arrival for name, one in streams.items() if one.arrival is not None}
         headed = {name for name, one in streams.items() if one.stamp is not None and one.stamp.any()}
         headed = headed & arrivals.keys() if mapping.stamps != "arrival" else set[str]()
-        offsets = {name: found[name, ""].report.clock_offset for name in arrivals if name in headed}
+        offsets = {name: series_of[name, ""].report.clock_offset for name in arrivals if name in headed}
         spread = [*offsets.values(), *([0.0] if offsets and headed < arrivals.keys() else [])]
         if mapping.stamps == "auto" and spread and max(spread) - min(spread) > DIFFERENT_CLOCKS_S:
-            said = ", ".join(f"{name} {offset:.3f} s" for name, offset in offsets.items())
+            by = ", ".join(f"{name} {offset:.3f} s" for name, offset in offsets.items())
             self.notes.append(
-                f"stamps lie before arrival by {said}: clocks that differ; arrivals were taken for all topics"
+                f"stamps lie before arrival by {by}: clocks that differ; arrivals were taken for all topics"
             )
-            found = self._clean(streams, stamps | arrivals)
+            series_of = self._clean(streams, stamps | arrivals)
         elif mapping.stamps == "arrival" and arrivals:
             self.notes.append("arrival times were taken, as asked")
-        self._take(found)
-        if clocks := self._clocks(streams, in_si, units):
-            origin = int(found[self.base, ""].stamp[0])
-            for name, clock in clocks.items():
-                timed, came = stamps[name] != _LOST, streams[name].arrival
-                stamps[name] = np.where(timed, clock.onto_base(stamps[name], origin), _LOST)
-                moved = None if came is None else clock.onto_base(came, origin)
+        self._take(series_of)
+        if clocks := self._clocks(streams, stamps, in_si, units):
+            origin = int(series_of[self.base, ""].stamp[0])
+            for name, parts in clocks.items():
+                stamp, came = stamps[name].copy(), streams[name].arrival
+                for begins, clock in parts:  # each from its first row on
+                    stamp[begins:] = clock.onto_base(stamps[name][begins:], origin)
+                stamps[name] = np.where(stamps[name] != _LOST, stamp, _LOST)
+                moved = None if came is None else parts[0][1].onto_base(came, origin)
                 streams = {**streams, name: replace(streams[name], arrival=moved)}
-            found = self._clean(streams, stamps)
-            self._take(found)
-        series = found[self.base, ""]
+            series_of = self._clean(streams, stamps)
+            self._take(series_of)
+        series = series_of[self.base, ""]
         self.repeated = series.report.repeated
         table = self._tables.get(self.base)
         self._at: dict[tuple[str, str], Floats] = {}
@@ -299,10 +302,10 @@ class OneClock:
             self._seconds = None if self._seconds is None else self._seconds - later / SECOND
         self._began = streams[self.base].began
         self.is_timed = table is None or table.column is not None
-        self.reports = tuple(one.report for one in found.values())
+        self.reports = tuple(one.report for one in series_of.values())
         self.notes += [note for report in self.reports for note in report.notes()]
         used = {place.stream for places in quantities.values() for place in places}
-        for (name, _), one in found.items():
+        for (name, _), one in series_of.items():
             if name in used and (one.stamp[-1] < self.stamp[0] or one.stamp[0] > self.stamp[-1]):
                 raise InputError(
                     f"{name}: is of another time than {self.base}: {_seconds(one, self.stamp[0])} after its first, "
@@ -320,34 +323,72 @@ class OneClock:
             self._where[key] = list(zip(parts, columns, strict=True))
 
     def _clocks(
-        self, streams: Mapping[str, Stream], in_si: Mapping[str, InSi], units: tuple[str, ...]
-    ) -> dict[str, FileClock]:
-        """Return the clocks of streams of other files than q_nominal's, as given, or by the motion; say them."""
+        self,
+        streams: Mapping[str, Stream],
+        stamps: Mapping[str, Integers],
+        in_si: Mapping[str, InSi],
+        units: tuple[str, ...],
+    ) -> dict[str, list[tuple[int, FileClock]]]:
+        """Return the clocks of streams of other files than q_nominal's, as given, or by the motion; say them.
+
+        A clock that was set, or restarted, within a file is another one from a row on: each comes with its first row.
+        """
         # topics of bags share a clock
         file_of = {name: name if stream.type == "table" else "bag" for name, stream in streams.items()}
         others = dict.fromkeys(file for file in file_of.values() if file != file_of[self.base])
-        given, of = self._mapping.clocks, dict[str, FileClock]()
-        if unknown := [file for file in given if not others or file not in ("", *others)]:
+        stated_clocks, of = self._mapping.clocks, dict[str, list[tuple[int, FileClock]]]()
+        if unknown := [file for file in stated_clocks if not others or file not in ("", *others)]:
             known = f"expected {', '.join(others)}" if others else "none is read beside q_nominal's"
             named = " ".join(["no file", *filter(None, unknown[:1])])
             raise InputError(f"--clock: {named}: {known}")
         for file in others:
-            stated = given.get(file, given.get(""))
+            stated = stated_clocks.get(file, stated_clocks.get(""))
             keys = [k for k in ("q_encoder", "q_reported") if k in in_si and file_of[self._where[k][0][0][0]] == file]
             if stated is not None:
-                of[file] = FileClock(*stated)
-                self.notes.append(f"{file}: {of[file]}")
-            elif keys and (clock := self._by_motion(keys[0], file, in_si, units)) is not None:
-                of[file] = clock
-                self.notes.append(f"{file}: {clock}; taken onto q_nominal's (--clock 0,0 leaves it)")
+                of[file] = [(0, FileClock(*stated))]
+                self.notes.append(f"{file}: {of[file][0][1]}")
+            elif keys and (parts := self._by_parts(keys[0], file, streams, stamps, in_si, units)):
+                of[file] = parts
+                for first, clock in parts:
+                    since = f" from row {first} on" * (len(parts) > 1)
+                    self.notes.append(f"{file}{since}: {clock}; taken onto q_nominal's (--clock 0,0 leaves it)")
         return {name: of[file_of[name]] for name in streams if file_of[name] in of}
+
+    def _by_parts(
+        self, key: str, file: str, streams: Mapping[str, Stream], stamps: Mapping[str, Integers],
+        in_si: Mapping[str, InSi], units: tuple[str, ...],
+    ) -> list[tuple[int, FileClock]]:  # fmt: skip
+        """Return the clocks of a file that saw the joints, and their first rows; none if it may be q_nominal's."""
+        name, series, notes = self._where[key][0][0][0], self._series, list(self.notes)
+        edges, parts = _restarts(stamps[name]) if file == name else [0], list[tuple[int, FileClock]]()
+        for first, last in pairwise([*edges, len(stamps[name])] if len(edges) > 1 else []):
+            stamp = np.full(len(stamps[name]), _LOST)
+            stamp[first:last] = stamps[name][first:last]
+            self._take(self._clean(streams, {**stamps, name: stamp}))
+            pair = self._pair(key, in_si)
+            try:
+                parts.append((first, clock_by_motion(pair[0], pair[-1], units, file)))
+            except InputError:
+                continue
+        self.notes = notes
+        self._take(series)
+        if len(parts) == len(edges) > 1:
+            ends = [clock.interval for _, clock in parts]
+            if max(low for low, _ in ends) > min(high for _, high in ends):
+                return parts
+        one = self._by_motion(key, file, in_si, units)
+        return [] if one is None else [(0, one)]
+
+    def _pair(self, key: str, in_si: Mapping[str, InSi]) -> list[Series]:
+        """Return the samples of commands, and of a quantity beside them; fewer where one is of several streams."""
+        pair = [(k, self.samples(k)) for k in (_BASE, key)]
+        return [replace(one, values=in_si[k](one.values)) for k, one in pair if one is not None]
 
     def _by_motion(self, key: str, file: str, in_si: Mapping[str, InSi], units: tuple[str, ...]) -> FileClock | None:
         """Return the clock of a file that saw the joints; None if it may well be that of q_nominal's."""
-        base, its = self.samples(_BASE), self.samples(key)
-        if base is None or its is None:
+        if len(pair := self._pair(key, in_si)) < 2:
             return None
-        base, its = (replace(one, values=in_si[k](one.values)) for one, k in ((base, _BASE), (its, key)))
+        base, its = pair
         # two that count from zeros of their own are hardly one; of dated ones the motion must say so
         is_dated = min(base.stamp[0], its.stamp[0]) >= _FIRST_DATED_NS
         try:
@@ -363,13 +404,13 @@ class OneClock:
     @property
     def arrivals(self) -> dict[str, tuple[float, float]]:
         """How long before arrival a quantity was stamped, and its step [s]; no stamps that are the arrival."""
-        found = {}
+        arrivals = {}
         for key, where in self._where.items():
             one = self._series[where[0][0]]
             if np.isfinite(one.report.clock_offset) and one.report.clock_offset != 0.0 and len(one.stamp) > 1:
                 step = float(np.median(np.diff(one.stamp))) / SECOND
-                found["q_encoder" if key == "pose" else key] = (one.report.clock_offset, step)
-        return found
+                arrivals["q_encoder" if key == "pose" else key] = (one.report.clock_offset, step)
+        return arrivals
 
     def time(self, whole: Flags) -> tuple[Floats | None, float]:
         """Return the time of rows (N,) [s], from the first one on, and what its own clock said then [s]."""
@@ -406,12 +447,12 @@ class OneClock:
 
     def _gap(self, series: Series) -> float:
         steps = np.diff(series.stamp)
-        most = self._mapping.max_gap_s
-        return max(most, GAP_INTERVALS * float(np.median(steps)) / SECOND) if len(steps) else most
+        limit = self._mapping.max_gap_s
+        return max(limit, GAP_INTERVALS * float(np.median(steps)) / SECOND) if len(steps) else limit
 
     def _clean(self, streams: Mapping[str, Stream], stamps: Mapping[str, Integers]) -> dict[tuple[str, str], Series]:
         """Return the samples of each stream, or part of a table with rows of its own, the base first."""
-        found: dict[tuple[str, str], Series] = {}
+        series_of: dict[tuple[str, str], Series] = {}
         self._columns: dict[tuple[str, str], list[str]] = {}
         span: tuple[int, int] | None = None
         steps: tuple[ClockStep, ...] = ()
@@ -434,11 +475,11 @@ class OneClock:
                 known: dict[str, Any] = {"max_gap": self._mapping.max_gap_s, "span": span, "clock_steps": steps}
                 series = clean_series(called, stamp[index], numbers, arrival=came, **known)
                 gaps = tuple(gap for gap in series.report.gaps if gap[1] < 0.9 * _BETWEEN_RECORDINGS_S)
-                found[name, part] = replace(series, report=replace(series.report, gaps=gaps))
+                series_of[name, part] = replace(series, report=replace(series.report, gaps=gaps))
                 self._columns[name, part] = columns
                 if name == self.base and not part:
                     span, steps = (int(series.stamp[0]), int(series.stamp[-1])), series.report.clock_steps
-        return found
+        return series_of
 
     def _parts(self, stream: Stream, count: int) -> dict[str, tuple[list[str], Flags]]:
         """Return the columns of a stream and their rows; those of a table at other rates apart, by quantity."""
@@ -504,9 +545,9 @@ class OneClock:
                     f"{name}: which column is the time? give time = ..., or rate_hz where rows are evenly apart; "
                     "streams with clocks of their own cannot be put together without"
                 )
-            said = "no column is the time: rows have none" if time is None else f"{name}: {time.said}"
-            self.notes += [said] * (not mapping.name)
-            self._tables[name] = time or TableTime(np.arange(stream.rows) * SECOND, None, "s", said)
+            note = "no column is the time: rows have none" if time is None else f"{name}: {time.said}"
+            self.notes += [note] * (not mapping.name)
+            self._tables[name] = time or TableTime(np.arange(stream.rows) * SECOND, None, "s", note)
             return self._tables[name].stamp
         if came is None:
             return own
@@ -519,6 +560,16 @@ class OneClock:
         if missing.any():
             self.notes.append(f"{name}: {int(missing.sum())} messages carry no stamp; their arrival was taken")
         return np.where(missing, came, own)
+
+
+def _restarts(stamp: Integers) -> list[int]:
+    """Return the rows from which a file's clock may be another one: its first, and after steps back and pauses."""
+    rows = np.flatnonzero(stamp != _LOST)
+    steps = np.diff(stamp[rows])
+    usual = float(np.median(np.abs(steps))) if len(steps) else 0.0
+    edges = [0, *(1 + np.flatnonzero((steps < 0) | (steps > GAP_INTERVALS * usual))).tolist(), len(rows)]
+    long = usual > 0.0 and min(np.diff(edges)) > _MIN_OVERLAP_S * SECOND / usual
+    return [0, *rows[edges[1:-1]].tolist()] if long and len(edges) <= _MAX_PARTS + 1 else [0]
 
 
 def _seconds(series: Series, origin: np.int64) -> str:

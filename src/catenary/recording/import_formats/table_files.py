@@ -95,14 +95,14 @@ def read_gzip_table(path: Path) -> list[Stream]:
     """Read a table that gzip packed, as .csv.gz, within the bounds of any packed file."""
     if format_named(Path(path.stem)).holds != "columns":
         raise FileFormatError(f"{path}: is packed, and no table; `gzip -d {path.name}` unpacks it")
-    most = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size)
+    limit = max(MAX_UNPACKED_BYTES, MAX_UNPACKED_RATIO * path.stat().st_size)
     with TemporaryDirectory() as folder:
         plain = Path(folder) / path.stem
         try:
             with gzip.open(path) as packed, plain.open("wb") as file:
                 while block := packed.read(2**20):
-                    if file.tell() + len(block) > most:
-                        raise ValueError(f"unpacks to more than {most} bytes")
+                    if file.tell() + len(block) > limit:
+                        raise ValueError(f"unpacks to more than {limit} bytes")
                     file.write(block)
         except (OSError, EOFError, ValueError, zlib.error) as error:
             raise FileFormatError(f"{path}: cannot be unpacked: {cut(str(error))}") from error
@@ -270,24 +270,26 @@ def read_tracker_file(path: Path) -> list[Stream]:
         notes.append(f"its orientations are angles, read as turns about axes that turn with it, {' then '.join(turns)}")
     if began := stated.get("Capture Start Time"):
         notes.append(f"its time counts from its own begin, {cut(began)} of that computer")
-    wanted, left = {"1": ("time", 1.0)}, dict[str, None]()
+    quantities, left = {"1": ("time", 1.0)}, dict[str, None]()
     for i, (kind, name, part, axis) in enumerate(zip(kinds, names, parts, head[axes_at], strict=False)):
         scale = {"Position": _METRES[length], "Rotation": 1.0}.get(part, 0.0)
         what = "orientation" if part == "Rotation" else "position"
         column = (f"{name}{' (solved)' * (kind == 'Rigid Body Marker')}.{what}.{axis.lower()}", scale)
-        if scale and (name.startswith("Unlabeled") or column in wanted.values()):
+        if scale and (name.startswith("Unlabeled") or column in quantities.values()):
             left[name] = None
         elif scale:
-            wanted[str(i)] = column
+            quantities[str(i)] = column
     notes += [f"markers without a name of their own were left out: {', '.join(map(cut, list(left)[:5]))}"] * bool(left)
     names = [str(i) for i in range(len(head[axes_at]))]
     of_file = pa.csv.ReadOptions(use_threads=False, column_names=names, skip_rows=axes_at + 1)
-    numbers = pa.csv.ConvertOptions(column_types=dict.fromkeys(wanted, pa.float64()), include_columns=list(wanted))
+    numbers = pa.csv.ConvertOptions(
+        column_types=dict.fromkeys(quantities, pa.float64()), include_columns=list(quantities)
+    )
     with reading(path, "Motive's export", ARROW):
         table = pa.csv.read_csv(path, of_file, convert_options=numbers)
     if not table.num_rows:
         raise FileFormatError(f"{path}: has no row with a pose")
-    columns = {name: scale * table.column(i).to_numpy() for i, (name, scale) in wanted.items()}
+    columns = {name: scale * table.column(i).to_numpy() for i, (name, scale) in quantities.items()}
     for base in [name.removesuffix(".x") for name in columns if is_euler and name.endswith("orientation.x")]:
         angles = np.column_stack([columns[f"{base}.{axis.lower()}"] for axis in turns])
         seen = np.isfinite(angles).all(axis=1)

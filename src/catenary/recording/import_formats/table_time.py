@@ -38,8 +38,8 @@ _NAMED = re.compile(
 
 def per_second(unit: str) -> Fraction:
     """Return the number of a unit in a second; of a counter such as 4000Hz its rate."""
-    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)Hz", unit)
-    count = Fraction(found[1]) if found else _PER_SECOND.get(unit)
+    match = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)Hz", unit)
+    count = Fraction(match[1]) if match else _PER_SECOND.get(unit)
     if not count:
         raise InputError(f"time unit {cut(unit)}: expected {', '.join(_PER_SECOND)}, or a counter's such as 4000Hz")
     return count
@@ -127,22 +127,22 @@ def time_of(
             return _even(stream, rate, f"rows were taken at the file's {constant}, {rate:g} Hz")
         column = named[0]
     values = stream.columns[column]
-    rest = rest_of(stream, column)
-    if rest is not None:
-        name, size = rest
+    fraction = rest_of(stream, column)
+    if fraction is not None:
+        name, size = fraction
         stamp, date = _stamps(values, "s", _clocks_of(values, today, "s"))
         parts = stream.columns[name].astype(np.float64) * size
         there = (stamp != _LOST_NS) & np.isfinite(parts)
         stamp = np.where(there, stamp + np.rint(np.where(there, parts, 0.0)).astype(np.int64), _LOST_NS)
-        said = f"time is {cut(column)} in s and {cut(name)} in {size} ns{f' ({date})' * bool(date)}"
-        return TableTime(stamp, column, "s", said)
+        note = f"time is {cut(column)} in s and {cut(name)} in {size} ns{f' ({date})' * bool(date)}"
+        return TableTime(stamp, column, "s", note)
     _refuse_coarse(stream, column, unit, today)
     found_unit, why = (unit, "as given") if unit is not None else _unit(stream, column, values, today)
     stamp, date = _stamps(values, found_unit, () if column in stream.dates else _clocks_of(values, today, found_unit))
-    said = f"time is {cut(column)} in {found_unit} ({'; '.join(dict.fromkeys((why, date) if date else (why,)))})"
+    note = f"time is {cut(column)} in {found_unit} ({'; '.join(dict.fromkeys((why, date) if date else (why,)))})"
     if values.dtype.kind == "i":
-        return TableTime(stamp, column, found_unit, said)
-    return TableTime(stamp, column, found_unit, said, values.astype(np.float64) / float(per_second(found_unit)))
+        return TableTime(stamp, column, found_unit, note)
+    return TableTime(stamp, column, found_unit, note, values.astype(np.float64) / float(per_second(found_unit)))
 
 
 def rest_of(stream: Stream, column: str) -> tuple[str, int] | None:
@@ -150,10 +150,10 @@ def rest_of(stream: Stream, column: str) -> tuple[str, int] | None:
     stem, whole = _SECONDS.sub("", column), stream.columns[column].astype(np.float64)
     for name in stream.columns if stem != column else ():
         size = _RESTS.get(name[len(stem) :].lower(), 0) if name.startswith(stem) else 0
-        rest = stream.columns[name].astype(np.float64) if size else whole
-        there = np.isfinite(whole) & np.isfinite(rest)
-        inside = (rest >= 0.0) & (rest * size < SECOND) & (whole == np.floor(whole))
-        if size and there.any() and inside[there].all() and np.ptp(rest[there]) > 0.0:
+        fraction = stream.columns[name].astype(np.float64) if size else whole
+        there = np.isfinite(whole) & np.isfinite(fraction)
+        inside = (fraction >= 0.0) & (fraction * size < SECOND) & (whole == np.floor(whole))
+        if size and there.any() and inside[there].all() and np.ptp(fraction[there]) > 0.0:
             return name, size
     return None
 
@@ -194,15 +194,15 @@ def _given(stream: Stream, columns: Sequence[str]) -> str | None:
 
 def times_among(stream: Stream, references: Sequence[str]) -> list[str]:
     """Return the columns of a table that are given as the time, else those that may hold it."""
-    given = [name for one in references for name in (one, one.partition(":")[2]) if name in stream.columns]
-    named = given or time_columns(stream)
-    return [*named, *(rest[0] for name in named if (rest := rest_of(stream, name)) is not None)]
+    stated = [name for one in references for name in (one, one.partition(":")[2]) if name in stream.columns]
+    named = stated or time_columns(stream)
+    return [*named, *(fraction[0] for name in named if (fraction := rest_of(stream, name)) is not None)]
 
 
 def time_columns(stream: Stream) -> list[str]:
     """Return the columns whose names say that they hold the time; the plainest alone where it is clear."""
     named = [name for name in stream.columns if _NAMED.match(name.lstrip("%").strip())]
-    rests = [rest[0] for name in named if (rest := rest_of(stream, name)) is not None]
+    rests = [fraction[0] for name in named if (fraction := rest_of(stream, name)) is not None]
     named = [name for name in named if name not in rests]
     if not named:  # t_encoder
         named = [name for name in stream.columns if re.fullmatch(r"(t|time|stamp|timestamp)_\w+", name)]
@@ -222,17 +222,17 @@ def time_columns(stream: Stream) -> list[str]:
 def is_nameless(stream: Stream) -> bool:
     """Return True if all columns but time are those of one array: a .npy, or a text without names."""
     names = [name for name in stream.columns if not _NAMED.match(name)]
-    found = [re.fullmatch(r"([^\[]+)\[\d+\]", name) for name in names]
-    return all(found) and len({one[1] for one in found if one}) == 1
+    matches = [re.fullmatch(r"([^\[]+)\[\d+\]", name) for name in names]
+    return all(matches) and len({one[1] for one in matches if one}) == 1
 
 
 def _unit(stream: Stream, column: str, values: NDArray[np.generic], today: float) -> tuple[str, str]:
     if column in stream.dates:
         return "ns", "a date or a time of day"
-    found = _NAMED.match(stream.titled(column).lstrip("%").strip())
-    named = found and (found["unit"] or re.search(r"sec(?:ond)?s?\Z", found["name"], re.IGNORECASE))
-    if found and named:
-        return _SPELT[(found["unit"] or "s").lower()], "by its name"
+    match = _NAMED.match(stream.titled(column).lstrip("%").strip())
+    named = match and (match["unit"] or re.search(r"sec(?:ond)?s?\Z", match["name"], re.IGNORECASE))
+    if match and named:
+        return _SPELT[(match["unit"] or "s").lower()], "by its name"
     finite = values[np.isfinite(values.astype(np.float64))].astype(np.float64)
     if len(finite) < 2:
         raise InputError(f"{stream.name}: time {cut(column)}: {len(finite)} finite number(s), expected two at least")

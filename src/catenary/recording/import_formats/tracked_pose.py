@@ -107,9 +107,9 @@ def deviations(model: RobotModel, q: Floats, frame: str | None, match: str, nois
     lever = np.linalg.norm(J[:, :3, turning], axis=1).max(axis=1, initial=0.0)[:, None]
     scale = np.where(turning, 1.0, np.where(lever > 0.0, lever, 1.0))  # (M, n)
     J = J * scale[:, None] / np.repeat(noise, 3)[:, None]
-    _, found, axes = np.linalg.svd(J if match == "pose" else J[:, :3])
+    _, singular_values, axes = np.linalg.svd(J if match == "pose" else J[:, :3])
     sizes = np.zeros(q.shape)
-    sizes[:, : found.shape[1]] = found
+    sizes[:, : singular_values.shape[1]] = singular_values
     is_free = sizes <= _OPEN_SHARE * sizes.max(axis=1, keepdims=True)
     part = axes / np.where(is_free, np.inf, sizes)[:, :, None]
     is_open = (np.abs(axes) * is_free[:, :, None]).max(axis=1) > _OPEN_SHARE
@@ -137,22 +137,22 @@ def _vague(model: RobotModel, tracked: TrackedPose, q: Floats, noise: Floats, ch
         )
 
     own = deviations(model, q, tracked.frame, tracked.match, noise)
-    least, most = np.array([_MAX_DEVIATION[unit] for unit in model.joint_units]).T
-    bound = np.clip(_MAX_DEVIATION_MEDIANS * np.median(own, axis=0), least, most)
+    least, limit = np.array([_MAX_DEVIATION[unit] for unit in model.joint_units]).T
+    bound = np.clip(_MAX_DEVIATION_MEDIANS * np.median(own, axis=0), least, limit)
     beyond = (own > bound)[:, chosen]
     rows = np.asarray(beyond.any(axis=1))
     of = f"noise of poses, {1e3 * noise[0]:.2g} mm" + f" and {np.rad2deg(noise[1]):.2g} deg" * (tracked.match == "pose")
     kept = shown(own[~rows].max(axis=0, initial=0.0), chosen)
-    said = f"{of}, leaves a standard deviation of q_encoder of {kept} at most"
+    note = f"{of}, leaves a standard deviation of q_encoder of {kept} at most"
     if not rows.any():
-        return rows, said
+        return rows, note
     worst = q[np.argmax((own / bound)[:, chosen].max(axis=1))]
     reach = np.diag([_SINGULAR_REACH[unit] for unit in model.joint_units])
     away = deviations(model, worst + np.vstack([reach, -reach]), tracked.frame, tracked.match, noise) / bound
     at = shown(worst, [int(np.argmin(away[:, chosen].max(axis=1))) % model.n], ".2f")  # it leads away soonest
     lost = [chosen[k] for k in np.flatnonzero(beyond.any(axis=0))]
     counted = f"{int(rows.sum())} of {len(q)} poses lie too near a singularity, the nearest with {at}, and are not ok"
-    return rows, f"{counted}: there it would be more than {shown(bound, lost)}; {said}"
+    return rows, f"{counted}: there it would be more than {shown(bound, lost)}; {note}"
 
 
 def _determined(model: RobotModel, tracked: TrackedPose, q: Floats, chosen: Sequence[int]) -> Flags:
@@ -179,8 +179,8 @@ def registered(
     marker = None if tracked.T_marker_frame is None else tracked.T_marker_frame.pose().inverse()
     if base is not None and marker is not None:
         return base, marker, []
-    given = {"frame": tracked.frame, "base": base, "marker": marker, "zeros": tracked.zeros}
-    made = register_in_time(model, poses_at, chosen, **given)
+    known = {"frame": tracked.frame, "base": base, "marker": marker, "zeros": tracked.zeros}
+    made = register_in_time(model, poses_at, chosen, **known)
     if len(made.left) > 1 and made.left[1] > _MAX_TURN_LEFT_RAD:
         q = poses_at(made.found.late).q.copy()
         q[:, chosen] += made.found.offsets
@@ -199,8 +199,8 @@ def _refuse_other_turns(tracked: TrackedPose, values: Floats, frame_tracker: Flo
     ways = product(orders, ("rad", "deg")) if values.shape[1] == 6 else product(("xyzw", "wxyz"), (tracked.angle_unit,))
     left = {}
     for way in ways:
-        said = tracked.model_copy(update={"orientation": way[0], "angle_unit": way[1]})
-        turns = positions_and_rotations(said, values)[1]
+        in_its_way = tracked.model_copy(update={"orientation": way[0], "angle_unit": way[1]})
+        turns = positions_and_rotations(in_its_way, values)[1]
         assert turns is not None  # for the type checker
         marker = Rotation.from_matrix((frame_tracker @ turns)[np.isfinite(turns).all(axis=(1, 2))])
         left[way] = float(np.rad2deg(np.median((marker * marker.mean().inv()).magnitude())))
@@ -233,7 +233,7 @@ def joints_from_poses(
         seen = Pose(np.broadcast_to(seen.rotation, (len(poses.q), 3, 3)), seen.position)
     else:
         seen = seen @ marker.inverse()
-    found = np.full((len(poses.q), model.n), np.nan)
+    q = np.full((len(poses.q), model.n), np.nan)
     usable = np.asarray(np.isfinite(np.hstack([seen.position, poses.q])).all(axis=1))
     if usable.any():
         usable[usable] = _determined(model, tracked, poses.q[usable], chosen)
@@ -242,20 +242,20 @@ def joints_from_poses(
         nearest = nearest_coordinates(model, pose, poses.q[row], frame=tracked.frame, match=tracked.match)
         near = 1e3 * nearest.position_error <= tracked.within_mm
         if near and np.rad2deg(nearest.orientation_error) <= tracked.within_deg:
-            found[row] = nearest.q
-    reached = np.flatnonzero(np.isfinite(found).all(axis=1))
+            q[row] = nearest.q
+    reached = np.flatnonzero(np.isfinite(q).all(axis=1))
     notes = []
     if len(reached):
         noise = _noise(model, tracked.frame, Pose(seen.rotation[reached], seen.position[reached]), poses.q[reached])
-        rows, said = _vague(model, tracked, found[reached], noise, chosen)
-        found[reached[rows]], notes = np.nan, [said]
+        rows, vague = _vague(model, tracked, q[reached], noise, chosen)
+        q[reached[rows]], notes = np.nan, [vague]
     beyond = f"{tracked.within_mm:g} mm" + f" and {tracked.within_deg:g} deg" * (tracked.match == "pose")
     if (lost := int(np.isfinite(poses.q).all(axis=1).sum()) - len(reached)) > 0:
         notes.append(
-            f"{lost} of {len(found)} poses were left out: not finite, singular, or beyond {beyond} from all that the "
+            f"{lost} of {len(q)} poses were left out: not finite, singular, or beyond {beyond} from all that the "
             "robot reaches"
         )
-    return found, notes
+    return q, notes
 
 
 def tip_columns(streams: Sequence[Stream], base: str) -> tuple[str, tuple[str, ...]] | None:
@@ -298,13 +298,13 @@ def tip_said(model: RobotModel, q: Floats, joints: Stream, own: Stream, columns:
     far = np.median(apart, axis=0)
     if (far < _SAME_TIP_MM_DEG).all():
         return []
-    most = np.maximum(_SAME_TIP_MM_DEG, _STEADY_SHARE * far)
+    limit = np.maximum(_SAME_TIP_MM_DEG, _STEADY_SHARE * far)
 
     def spread(why: str) -> float:
         turns = Rotation.from_matrix(ways[why].rotation)
         turned = np.rad2deg((turns * turns.mean().inv()).magnitude())
         moved = 1e3 * np.linalg.norm(ways[why].position - np.median(ways[why].position, axis=0), axis=1)
-        return float(np.max(np.median([moved, turned], axis=1) / most))
+        return float(np.max(np.median([moved, turned], axis=1) / limit))
 
     why = min(ways, key=spread)
     why = why if spread(why) < 1.0 else "other at every pose: another robot, or other units"
