@@ -131,6 +131,9 @@ def _spoilt(
     late_joint: tuple[int, int] | None = None,
     leap: tuple[int, float] | None = None,
     turn: int | None = None,
+    rate_scale: Any = 1.0,
+    rate_order: tuple[int, ...] | None = None,
+    rate_rows: int = 0,
 ) -> tuple[Floats, Floats, Floats]:
     """Return positions, velocities and torques as a recorder with a fault of each kind would have them."""
     q, qd, tau = q.copy(), qd.copy(), tau.copy()
@@ -143,6 +146,8 @@ def _spoilt(
     if swapped is not None:
         for values in (tau,) if torques_alone else (q, qd, tau):
             values[:, list(swapped)] = values[:, list(swapped)[::-1]]
+    qd = np.roll(qd * rate_scale, rate_rows, axis=0)
+    qd = qd if rate_order is None else qd[:, list(rate_order)]
     later = len(tau) * 9 // 20
     if leap is not None:
         tau[later:, leap[0]] += leap[1]
@@ -212,6 +217,11 @@ TRUTHS = (
     Truth("J3's zero of a Panda leaps by 8 Nm", "zero leaps", (2,), spoil={"leap": (2, -8.0)}, **_PANDA),
     Truth("J2's sign turns", "sign turns", (1,), spoil={"turn": 1}, **_UR10E),
     Truth("2 kg taken up", "load changes", taken_up=2.0),
+    Truth("velocities in deg/s", "velocities", tuple(range(6)), spoil={"rate_scale": 57.29578}),
+    Truth("J3's velocities in deg/s", "velocities", (2,), spoil={"rate_scale": _of_one(6, 2, 57.29578)}, **_UR10E),
+    Truth("velocities of J2 and J3 swapped", "velocities", (1, 2), spoil={"rate_order": (0, 2, 1, 3, 4, 5)}),
+    Truth("velocities of another time", "velocities", tuple(range(7)), spoil={"rate_rows": 1600}, **_PANDA),
+    Truth("velocities 60 ms late", "late velocities", spoil={"rate_rows": 12}, **_UR10E),
     Truth("J1 locked", None, locked=0, **_UR10E),
     Truth("J4 locked", None, locked=3, **_UR10E),
 )

@@ -210,6 +210,33 @@ def test_a_panda_whose_torques_are_turned_names_the_joints(recordings: Path, joi
     assert finding.joints == tuple(panda.joint_names[j] for j in joints)
 
 
+@pytest.mark.parametrize("name", ["psm_one_no_weight.npz", "psm_one_105g_insertion.npz"])
+def test_a_second_of_motion_in_which_joints_hardly_move_is_not_refused(dvrk: Path, name: str) -> None:
+    log, arm = log_of(dvrk, name, "dvrk_psm_motors"), load_robot("dvrk_psm_motors")
+    ninth = log.part(len(log) * 8 // 10, len(log) * 9 // 10)  # q1 and q5 look swapped in it
+    assert not any(finding.refuses for finding in torque_findings(arm, prepare(ninth, arm, IdentifyOptions())))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says", "remedy"),
+    [
+        (lambda qd, other: 57.29578 * qd, "are 57.3 times the derivatives", "--scale qd:q1=0.01745"),
+        (lambda qd, other: qd[:, [0, 2, 1, 3, 4, 5, 6]], "of q2 are those of q3", "--swap qd:q2,q3"),
+        (lambda qd, other: other[::-1], "do not follow positions", "--leave-out qd"),
+        (lambda qd, other: np.roll(qd, 8, axis=0), "velocities come 40 ms too late", ""),
+    ],
+    ids=["deg/s", "swapped", "of another recording", "late"],
+)
+def test_velocities_that_do_not_belong_to_positions_are_named_first(dvrk: Path, spoil, says, remedy) -> None:
+    arm = load_robot("dvrk_psm_motors")
+    log, other = (log_of(dvrk, name, "dvrk_psm_motors") for name in ("psm_one.npz", "psm_one_no_weight.npz"))
+    spoilt = replace(log, qd=spoil(log.qd, other.qd))
+    first, *_ = torque_findings(arm, prepare(spoilt, arm, IdentifyOptions(), within_limits=False))
+    assert (first.name, first.refuses) == ("velocities", bool(remedy))
+    assert says in first.says
+    assert first.remedy.startswith(remedy)
+
+
 def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, psm: Identification) -> None:
     log = log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm_motors")
     mixed = replace(log, **{key: getattr(log, key)[:, [1, 0, *range(2, 7)]] for key in ("q_nominal", "qd", "tau")})

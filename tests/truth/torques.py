@@ -21,7 +21,7 @@ from tests.truth.bench import FAILS, HOLDS, NAMED, REFUSED, Outcome
 FINDING = {
     "load": "arm", "shared drive": "arm", "gain": "torques", "common gain": "torques", "currents": "torques",
     "sign": "sign", "position sign": "sign", "backwards": "sign", "all signs": "sign", "zero": "offset",
-    "no gravity": "gravity", "tilt": "gravity", "swapped": "swapped", "delay": "delay",
+    "no gravity": "gravity", "tilt": "gravity", "swapped": "swapped", "delay": "delay", "velocities": "velocities", "late velocities": "velocities",
     "zero leaps": "jump", "sign turns": "jump", "load changes": "jump",
 }  # fmt: skip
 

@@ -151,7 +151,7 @@ class Evidence:
         links = _kept(self._links, supposed.motion, lambda: self.rows.links(supposed) @ self.rows.shown)
         key = _key(supposed)
         if not supposed.added and not self.rows.has_springs:  # as zeros and gravity change links' columns alone
-            key = supposed.signs, supposed.position_order, supposed.shared, supposed.torque_order
+            key = supposed.signs, supposed.position_order, supposed.shared, supposed.torque_order, supposed.derived
         found, beside, own = _kept(self._beside, key, lambda: self.rows.beside(supposed))
         known, n = self.rows.known, self.model.n
         if not known.any():

@@ -129,7 +129,7 @@ def explained_torques(
     evidence = Evidence(model, samples)
     explanation = find_explanation(evidence, settled)
     unseen = unseen_joints(evidence, explanation.supposed)
-    findings = [*_told(evidence, explanation), *(_unseen(name) for name in unseen)]
+    findings = [*_told(evidence, explanation, unseen), *(_unseen(name) for name in unseen)]
     return findings, evidence, explanation.supposed
 
 
@@ -148,11 +148,13 @@ def findings_against(result: Identification, samples: Samples) -> list[Finding]:
     return _told(evidence, find_explanation(evidence))
 
 
-def _told(evidence: Evidence, explanation: ExplainedRecording) -> list[Finding]:
-    return [_finding(evidence, explanation, cause) for cause in explanation.causes]
+def _told(evidence: Evidence, explanation: ExplainedRecording, unseen: Collection[str] = ()) -> list[Finding]:
+    return [_finding(evidence, explanation, cause, unseen) for cause in explanation.causes]
 
 
-def _finding(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) -> Finding:
+def _finding(
+    evidence: Evidence, explanation: ExplainedRecording, cause: Cause, unseen: Collection[str] = ()
+) -> Finding:
     hypothesis, candidate = cause.hypothesis, cause.candidate
     names = tuple(evidence.model.joint_names[i] for i in candidate.joints)
     says = f"{candidate.says}{_of_load(evidence, explanation, cause)}; log evidence +{cause.gain:.0f}"
@@ -162,11 +164,17 @@ def _finding(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) 
     alike = all(not kind.of_arm and kind.mended and rival.joints == candidate.joints for _, kind, rival in cause.rivals)
     whose = list(candidate.joints) or list(range(evidence.model.n))
     sound = bool((explanation.fit.relative[whose] < _POOR).all()) and explanation.fit.implausible < _IMPLAUSIBLE
-    refuses = sound and alike and candidate.error < UNSURE
+    moved = len(names) == evidence.model.n or not set(names) & set(unseen)
+    refuses = sound and alike and moved and candidate.error < UNSURE
     remedies = [_option(evidence, c.remedy) for c in (candidate, *(c for _, _, c in cause.rivals))] if refuses else []
     if not refuses:
-        unsure = "its number is not sure" if candidate.error >= UNSURE else ""
-        says += f"; nothing is advised: {unsure or ('it explains too little' if alike else 'see rivals')}"
+        reasons = {
+            "its number is not sure": candidate.error >= UNSURE,
+            "see rivals": not alike,
+            "too little motion to tell": not moved,
+            "it explains too little": True,
+        }
+        says += f"; nothing is advised: {next(reason for reason, holds in reasons.items() if holds)}"
     return Finding(hypothesis.finding, names, says + _rivals(cause), "", " or ".join(remedies), refuses=refuses)
 
 
@@ -177,7 +185,7 @@ def _rivals(cause: Cause) -> str:
 
 def _option(evidence: Evidence, remedy: str) -> str:
     """Return a remedy with what velocities need, if they were recorded."""
-    return re.sub(r"\{rates:(.*?)\}", r" \1" if evidence.rows.samples.has_rates else "", remedy)
+    return re.sub(r"\{rates:(.*?)\}", r" \1" if evidence.rows.samples.derived is not None else "", remedy)
 
 
 def _of_load(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) -> str:
@@ -197,7 +205,7 @@ def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
     rng, n = np.random.default_rng(0), model.n
     reach = np.maximum(np.ptp(samples.q, axis=0) / 2.0, _USUAL_RANGE)
     q = samples.q.mean(axis=0) + rng.uniform(-1.0, 1.0, (_USUAL_ROWS, n)) * reach
-    rates = [np.sqrt(np.mean(values**2, axis=0)) for values in (samples.qd, samples.qdd)]
+    rates = [np.sqrt(np.mean(values**2, axis=0)) for values in evidence.rows.motion(supposed)[1:]]
     qd, qdd = (rng.normal(size=q.shape) * np.maximum(rate, 0.5 * np.median(rate)) for rate in rates)
     zero, time = np.zeros_like(q), np.arange(float(_USUAL_ROWS))
     gravity = samples.gravity.mean(axis=0) if samples.holds_gravity else samples.gravity
