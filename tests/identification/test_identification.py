@@ -390,3 +390,15 @@ def test_a_day_with_another_zero_gain_or_mounting_is_named(spoilt, name, refuses
     named = day_findings(arm, days)
     # of two days, what one has is as well the other's, the other way round
     assert {(found.name, found.refuses) for _, found in named} == ({(name, refuses)} if name else set())
+
+
+@pytest.mark.alike
+@pytest.mark.parametrize("name", ["arm", "friction"])
+def test_of_three_days_the_one_with_a_load_or_other_friction_is_named(name):
+    arm, options = load_robot("ur10e"), IdentifyOptions()
+    other = slow(arm.with_payload(arm.tip, 3.0, [0.0, 0.0, 0.1]) if name == "arm" else arm, 1)
+    if name == "friction":
+        other = replace(other, tau=other.tau + np.eye(6)[1] * (15.0 * np.tanh(other.qd / 0.01) + 8.0 * other.qd))
+    days = [slow(arm, 0), slow(arm, 2), replace(other, name="other")]
+    [(day, finding)] = day_findings(arm, [prepare(log, arm, options) for log in days])
+    assert (day, finding.name, finding.refuses) == ("other", name, False)

@@ -35,7 +35,7 @@ class VelocityFault(NamedTuple):
 
 
 def velocity_faults(model: RobotModel, qd: Floats, derived: Floats, step: float) -> Iterator[VelocityFault]:
-    """Yield what is likelier than sound velocities; without a remedy where they can be used as they are.
+    """Yield what may be wrong with velocities; without a remedy where they can be used as they are.
 
     Args:
         model: The robot.
@@ -83,7 +83,7 @@ def velocity_faults(model: RobotModel, qd: Floats, derived: Floats, step: float)
     common = float(np.median(slope[moves]))
     apart = [float(np.sum((slope[moves] - about) ** 2)) + len(moves) * _COMMON_STD**2 for about in (1.0, common)]
     says = f"velocities are {common:.3g} times the derivatives of positions{_DOUBT}"
-    yield from _likelier(0.5 * len(moves) * float(np.log(apart[0] / apart[1])) - _PRICE, (), says)
+    yield VelocityFault(0.5 * len(moves) * float(np.log(apart[0] / apart[1])) - _PRICE, (), says)
 
     def gain(late: int) -> float:
         kept, before = slice(max(late, 0), len(qd) + min(late, 0)), slice(max(-late, 0), len(qd) - max(late, 0))
@@ -92,12 +92,7 @@ def velocity_faults(model: RobotModel, qd: Floats, derived: Floats, step: float)
     late = max((round(s / step) for s in _LATE_S if abs(s / step) < 0.5 * len(qd)), key=gain)
     off = f"{abs(late) * step * 1e3:.0f} ms too {'late' if late > 0 else 'early'}"
     says = f"velocities come {off} for the positions; {LEAVE_OUT} takes derivatives of positions"
-    yield from _likelier(gain(late), tuple(range(n)), says)
-
-
-def _likelier(gain: float, joints: tuple[int, ...], says: str) -> Iterator[VelocityFault]:
-    if gain > 0.0:
-        yield VelocityFault(gain, joints, says)
+    yield VelocityFault(gain(late), tuple(range(n)), says)
 
 
 _DOUBT = ": is the time or the rate wrong?"

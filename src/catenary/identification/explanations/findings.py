@@ -159,7 +159,8 @@ def _finding(
     names = tuple(evidence.model.joint_names[i] for i in candidate.joints)
     says = f"{candidate.says}{_of_load(evidence, explanation, cause)}; log evidence +{cause.gain:.0f}"
     if hypothesis.of_arm or not hypothesis.mended:
-        culprit = "it is identified with the arm" if hypothesis.of_arm else ""
+        with_arm = hypothesis.of_arm and len(evidence.belief.covariances) > 1  # not yet identified
+        culprit = "it is identified with the arm" if with_arm else ""
         return Finding(hypothesis.finding, names, says + _rivals(cause), culprit, refuses=False)
     alike = all(not kind.of_arm and kind.mended and rival.joints == candidate.joints for _, kind, rival in cause.rivals)
     whose = list(candidate.joints) or list(range(evidence.model.n))

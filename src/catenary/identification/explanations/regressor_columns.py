@@ -125,9 +125,11 @@ class Rows:
 
     @cached_property
     def velocity_faults(self) -> list[VelocityFault]:
-        """What may be wrong with recorded velocities."""
-        qd, derived = self.samples.qd, self.samples.derived
-        return [] if derived is None else list(velocity_faults(self.model, qd, derived[:, 0], self.step))
+        """What is likelier than sound velocities."""
+        if (derived := self.samples.derived) is None:
+            return []
+        faults = velocity_faults(self.model, self.samples.qd, derived[:, 0], self.step)
+        return [fault for fault in faults if fault.gain > 0.0]
 
     @cached_property
     def shown(self) -> Floats:
