@@ -230,7 +230,7 @@ TRUTHS = (
 def drawn() -> tuple[Truth, ...]:
     """Return forty others, of which nothing was tuned: other arms, masses 5 to 40 % off, friction .7 to 1.6 times."""
     counts = {"gen3": 7, "iiwa14": 7, "ur10e": 6, "panda": 7}
-    found = []
+    truths = []
     for k in range(40):
         robot = tuple(counts)[k % 4]
         n, joint = counts[robot], 1 + k // 4 % 3
@@ -257,5 +257,5 @@ def drawn() -> tuple[Truth, ...]:
             "robot": robot, "seed": 200 + k, "masses": (0.05, 0.12, 0.2, 0.3, 0.4)[k % 5],
             "friction": (0.7, 1.0, 1.6)[k % 3], "seconds": (40.0, 20.0, 30.0)[k % 3],
         }  # fmt: skip
-        found.append(Truth(f"{k}, {robot} {words}", cause, joints, **how, **what))
-    return tuple(found)
+        truths.append(Truth(f"{k}, {robot} {words}", cause, joints, **how, **what))
+    return tuple(truths)

@@ -107,8 +107,8 @@ def test_drop_outs_leave_identified_gravity_nearly_as_true_as_without(name):
     true = gravity_torque(arm, q, LEVEL)
 
     def wrong(log):
-        found = identify_samples([prepare(log, arm, options)], arm, options)
-        return np.abs(found.predict(q) - true).max()
+        result = identify_samples([prepare(log, arm, options)], arm, options)
+        return np.abs(result.predict(q) - true).max()
 
     # two thirds of the rows, less what the filter takes at ten more ends
     assert wrong(without(run, *DROPPED_OUT)) < 5.0 * wrong(run)
@@ -206,7 +206,7 @@ def swapped(values):
     return values[:, [1, 0, 2]]
 
 
-@pytest.mark.parametrize(("changes", "said"), [
+@pytest.mark.parametrize(("changes", "message"), [
     ({"tau": None}, "has no torques"),
     ({"time": None}, "has no time: full dynamics need `fs` [Hz] or `t` [s]"),
     ({"seconds": 0.5}, "100 rows from row 0: shorter than the filter, which needs 114"),
@@ -225,10 +225,10 @@ def swapped(values):
     ({"rate": 15.0}, "recorded at 15 Hz: the cut-off 10 Hz must be below half of it"),
     ({"joint_units": ("rad", "rad", "rad")}, 'has joint "insertion" in rad, not m'),
 ])  # fmt: skip
-def test_a_recording_that_cannot_be_of_the_robot_is_refused(changes, said):
+def test_a_recording_that_cannot_be_of_the_robot_is_refused(changes, message):
     with pytest.raises(InputError) as caught:
         prepare(log(**changes), ARM, FULL)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 PANDA = load_robot("panda")
@@ -260,10 +260,10 @@ def rocking(rows):
 
 
 def test_a_rocking_base_is_not_taken_for_friction_or_masses():
-    found = identify([on_base(0, *rocking(2500))], PANDA, PLAIN, tests=[on_base(1, *rocking(2500))])
+    result = identify([on_base(0, *rocking(2500))], PANDA, PLAIN, tests=[on_base(1, *rocking(2500))])
     still = identify([replace(on_base(0, *rocking(2500)), signals={})], PANDA, PLAIN)
-    assert (found.tests[0].relative_rms < 0.03).all()
-    assert still.training[0].relative_rms[0] > 5.0 * found.training[0].relative_rms[0]
+    assert (result.tests[0].relative_rms < 0.03).all()
+    assert still.training[0].relative_rms[0] > 5.0 * result.training[0].relative_rms[0]
 
 
 def test_tilts_show_what_a_level_base_hides():
@@ -278,7 +278,7 @@ def test_tilts_show_what_a_level_base_hides():
 
 
 @pytest.mark.parametrize(
-    ("signals", "said"),
+    ("signals", "message"),
     [
         ({"gravity:x": 0.0, "gravity:y": 0.0}, "gravity:z is missing"),
         ({"gravity:x": 0.0, "gravity:y": 0.0, "gravity:z": -1.0 / 9.81}, "is it in g?"),
@@ -289,10 +289,10 @@ def test_tilts_show_what_a_level_base_hides():
         ),
     ],
 )
-def test_signals_that_cannot_be_are_refused(signals, said):
+def test_signals_that_cannot_be_are_refused(signals, message):
     log = recorded(PANDA, 0)
     columns = {name: np.full(len(log), value) for name, value in signals.items()}
-    with pytest.raises(InputError, match=said.replace("?", r"\?")):
+    with pytest.raises(InputError, match=message.replace("?", r"\?")):
         identify([replace(log, signals=columns)], PANDA, PLAIN)
 
 

@@ -98,12 +98,12 @@ def check_positions(log: MotionLog, model: RobotModel) -> None:
     """
     where, log = f'recording "{log.name}"', of_model(log, model)
     low, high = limits_of(log, model, MAX_POSITIONS)
-    least, most = log.q_nominal.min(axis=0), log.q_nominal.max(axis=0)
-    for i in np.flatnonzero((least < low) | (most > high)):
+    least, largest = log.q_nominal.min(axis=0), log.q_nominal.max(axis=0)
+    for i in np.flatnonzero((least < low) | (largest > high)):
         name, unit = model.joint_names[i], model.joint_units[i]
         wrong = "degrees" if unit == "rad" else "mm"
         raise InputError(
-            f"{where}: joint {name} goes from {least[i]:.4g} to {most[i]:.4g}, expected {unit} between {low[i]:.4g} "
+            f"{where}: joint {name} goes from {least[i]:.4g} to {largest[i]:.4g}, expected {unit} between {low[i]:.4g} "
             f"and {high[i]:.4g}: is it in {wrong}, or another joint's?"
         )
 
@@ -127,17 +127,17 @@ _MIN_GRAVITY, _MAX_GRAVITY = 1.0, 30.0  # [m/s2] plausible gravity; beyond, it i
 
 def base_of(log: MotionLog) -> dict[str, Floats]:
     """Return gravity, angular velocity and angular acceleration of the base, (N, 3) each, if a log has them."""
-    found = {name: values for name in _BASE_UNITS if (values := _vector(log, name)) is not None}
+    signals = {name: values for name in _BASE_UNITS if (values := _vector(log, name)) is not None}
     for name, needed in (("base_rate", "gravity"), ("base_acceleration", "base_rate")):
-        if name in found and needed not in found:
+        if name in signals and needed not in signals:
             raise InputError(f'recording "{log.name}": has {name} and no {needed}: expected {needed}:x, :y and :z too')
-    if "gravity" in found:
-        size = float(np.median(np.linalg.norm(found["gravity"], axis=1)))
+    if "gravity" in signals:
+        size = float(np.median(np.linalg.norm(signals["gravity"], axis=1)))
         if not _MIN_GRAVITY < size < _MAX_GRAVITY:
             raise InputError(
                 f'recording "{log.name}": gravity has a size of {size:.3g}, expected m/s2, about 9.8; is it in g?'
             )
-    return found
+    return signals
 
 
 def _vector(log: MotionLog, name: str) -> Floats | None:

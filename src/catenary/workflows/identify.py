@@ -192,8 +192,8 @@ def external_torques(result: Identification, pushed: Samples, unloaded: Sequence
                 f"{name}: {mean:+.3g} {unit} throughout: a shifted zero of its torque looks like a steady push; "
                 "begin the recording untouched"
             )
-    found = torque, half_width, wrench, width, tuple(notes)
-    return ExternalTorques(pushed.name, result.model, pushed.time, *found)
+    columns = torque, half_width, wrench, width, tuple(notes)
+    return ExternalTorques(pushed.name, result.model, pushed.time, *columns)
 
 
 _POOR_RESIDUAL = 0.6  # relative residual above which a note is given
@@ -287,12 +287,16 @@ def identify_files(
     gaps = [f"{part.name}: {note}" for part in whole for note in part.notes]
     settled = () if gains is None else GAINS
     explained = [explained_torques(model, part, settled) for part in training]
-    causes = [(part.name, finding) for part, found in zip(training, explained, strict=True) for finding in found[0]]
+    causes = [
+        (part.name, finding)
+        for part, explanation in zip(training, explained, strict=True)
+        for finding in explanation[0]
+    ]
     doubts = judge(causes, accept)
-    model, found = arm_as_found(model, [found[1:] for found in explained])
+    model, carried = arm_as_found(model, [explanation[1:] for explanation in explained])
     for log in (*read, *read_tests):  # after findings that may explain the positions
         check_positions(log, model)
-    bodies = (*((payload,) if payload is not None else ()), *found)
+    bodies = (*((payload,) if payload is not None else ()), *carried)
     result = replace(identify_logs(read, training, model, options), bodies=bodies).test(held_out)
     tested = [part for part in held_out if not part.name.endswith(HELD_OUT)]
     doubts += judge([(part.name, finding) for part in tested for finding in findings_against(result, part)], accept)
@@ -376,8 +380,8 @@ class PayloadResult:
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
         candidates = [asdict(other) for other in self.candidates]
-        beside = {"location": self.payload.location, "candidates": candidates, "notes": list(self.notes)}
-        return asdict(self.payload) | beside
+        further = {"location": self.payload.location, "candidates": candidates, "notes": list(self.notes)}
+        return asdict(self.payload) | further
 
 
 def payload_of_files(
@@ -414,8 +418,8 @@ def external_torques_of_file(log: Path, model: Path, *, unloaded: Sequence[Path]
         **how: Mapping, corrections and accepted findings.
     """
     result, samples, notes = _read_for(model, (log, *unloaded), **how)
-    found = external_torques(result, samples[0], samples[1:])
-    return replace(found, notes=(*notes, *found.notes))
+    external = external_torques(result, samples[0], samples[1:])
+    return replace(external, notes=(*notes, *external.notes))
 
 
 class ArmChange(NamedTuple):
@@ -438,10 +442,10 @@ def changes_of_files(model: Path, logs: Sequence[Path], **how: Any) -> tuple[lis
         The changes, which are not refused, and notes.
     """
     result, samples, notes, read = _read(model, logs, **how)
-    found = [(part.name, finding) for part in samples for finding in findings_against(result, part)]
-    for log in () if found else read:
+    findings = [(part.name, finding) for part in samples for finding in findings_against(result, part)]
+    for log in () if findings else read:
         check_positions(log, result.model)
-    return [ArmChange(name, each.name, each.joints, each.says) for name, each in found], notes
+    return [ArmChange(name, each.name, each.joints, each.says) for name, each in findings], notes
 
 
 def _read_for(
@@ -452,8 +456,8 @@ def _read_for(
     Findings about the arm itself, such as a load, are included if `of_arm`.
     """
     result, samples, notes, read = _read(model, paths, accept=accept, **how)
-    found = [(s.name, finding) for s in samples for finding in findings_against(result, s)]
-    notes += judge([named for named in found if of_arm or named[1].name != "arm"], accept, done="weighed")
+    findings = [(s.name, finding) for s in samples for finding in findings_against(result, s)]
+    notes += judge([named for named in findings if of_arm or named[1].name != "arm"], accept, done="weighed")
     for log in read:  # after findings that may explain the positions
         check_positions(log, result.model)
     return result, samples, notes

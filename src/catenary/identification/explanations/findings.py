@@ -86,7 +86,7 @@ def find_explanation(evidence: Evidence, settled: Collection[str] = ()) -> Expla
 def _ranked(trial: Trial, debt: float, settled: Collection[str]) -> list[tuple[float, Hypothesis, PossibleCause, int]]:
     """Return the best candidates with their evidence over all spreads, less prices, best first."""
     knows, identified = trial.evidence.belief.knows_masses, len(trial.evidence.belief.covariances) == 1
-    found = []
+    candidates = []
     for hypothesis in HYPOTHESES.values():
         if (
             hypothesis.name not in settled
@@ -94,10 +94,10 @@ def _ranked(trial: Trial, debt: float, settled: Collection[str]) -> list[tuple[f
             and hypothesis.by_identification <= identified
         ):
             price = hypothesis.price(trial.n)
-            found += [(c.log_evidence - price, hypothesis, c) for c in hypothesis.candidates(trial)]
-    found.sort(key=lambda each: -each[0])
+            candidates += [(c.log_evidence - price, hypothesis, c) for c in hypothesis.candidates(trial)]
+    candidates.sort(key=lambda each: -each[0])
     weighed = []
-    for value, hypothesis, candidate in found[:_WEIGHED]:
+    for value, hypothesis, candidate in candidates[:_WEIGHED]:
         whole, which = trial.evidence.over_spreads(candidate.supposed)
         here = trial.log(candidate.supposed)
         weighed.append((whole + value - here - debt, hypothesis, candidate, which))
@@ -230,15 +230,15 @@ def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | No
     if len(days) < 2:
         evidences = [(day.name, Evidence(model, day, belief)) for day in days if belief is not None]
         return [(name, finding) for name, own in evidences for finding in _told(own, find_explanation(own))]
-    found, middle = [], len(days) // 2
+    findings, middle = [], len(days) // 2
     for own, others in ((days[:middle], days[middle:]), (days[middle:], days[:middle])):
         shown = belief
         for other in others:
             of_other = Evidence(model, other, shown)
             _, which = of_other.over_spreads(of_other.plain)
             shown = posterior(of_other, of_other.fit(of_other.plain, which), which)
-        found += day_findings(model, own, shown)
-    return found
+        findings += day_findings(model, own, shown)
+    return findings
 
 
 def posterior(evidence: Evidence, fit: Fit, which: int = 0) -> Belief:
@@ -257,7 +257,7 @@ def posterior(evidence: Evidence, fit: Fit, which: int = 0) -> Belief:
 
 
 def arm_as_found(
-    model: RobotModel, found: Sequence[tuple[Evidence, Supposed]]
+    model: RobotModel, recordings: Sequence[tuple[Evidence, Supposed]]
 ) -> tuple[RobotModel, tuple[CarriedBody, ...]]:
     """Return a robot with what explains its recordings, and the bodies that are part of its masses now.
 
@@ -266,13 +266,13 @@ def arm_as_found(
         found: Each recording's evidence, and what it supposes. A drive is taken from any of them; a body only where all
             carry one on the same link, as masses would be those of one recording otherwise.
     """
-    drives = dict.fromkeys(drive for _, supposed in found for drive in supposed.shared)
+    drives = dict.fromkeys(drive for _, supposed in recordings for drive in supposed.shared)
     for drive in drives:
         model = _with_shared_drive(model, *drive)
     bodies = list[CarriedBody]()
-    for link in found[0][1].loads if found else ():
-        if all(link in supposed.loads for _, supposed in found):
-            shown = [load_body(evidence, supposed, link) for evidence, supposed in found]
+    for link in recordings[0][1].loads if recordings else ():
+        if all(link in supposed.loads for _, supposed in recordings):
+            shown = [load_body(evidence, supposed, link) for evidence, supposed in recordings]
             body, std = np.mean([each for each, _ in shown], axis=0), max(std for _, std in shown)
             if body[0] > _LEAST_SIGMAS * std:
                 bodies.append(_carried_body(model, link, body))

@@ -201,12 +201,12 @@ class Rows:
         carried = np.abs(self.carried[:, list(supposed.torque_order)])
         n, (_, qd, qdd) = self.model.n, self.motion(supposed)
         size, eye = self.size[list(supposed.torque_order)], np.eye(n)
-        found = list[tuple[Floats, float, float, int, float]]()  # column, mean, deviation, joint, power
+        entries = list[tuple[Floats, float, float, int, float]]()  # column, mean, deviation, joint, power
 
         def add(load: Floats, along: Floats, share: float, mean: float = 0.0, rubs: bool = False) -> None:
             joint = int(np.argmax(np.abs(along)))
             power = float(np.mean(load * (qd @ along))) if rubs else 0.0
-            found.append((load[:, None] * along, mean * share * size[joint], share * size[joint], joint, power))
+            entries.append((load[:, None] * along, mean * share * size[joint], share * size[joint], joint, power))
 
         terms = self.parameters.actuation
         for term, load in zip(terms, self.term_loads(supposed).T, strict=True):
@@ -232,11 +232,11 @@ class Rows:
                 for load in (np.tanh(rate / slow[i]), rate):
                     add(load, along, _SHARED_SHARE / _spread(load), rubs=True)
                 crossed = qdd[:, [j]] * eye[i] + qdd[:, [i]] * eye[j]
-                found.append((crossed, 0.0, _SHARED_ROTOR_SHARE * size[i] / _spread(qdd[:, j]), i, 0.0))
+                entries.append((crossed, 0.0, _SHARED_ROTOR_SHARE * size[i] / _spread(qdd[:, j]), i, 0.0))
         for one in supposed.added:
             for column, std in zip(self.added(one, supposed).transpose(2, 0, 1), one.sizes, strict=True):
-                found.append((column, 0.0, std, one.joint, 0.0))
-        columns, *prior = zip(*found, strict=True)
+                entries.append((column, 0.0, std, one.joint, 0.0))
+        columns, *prior = zip(*entries, strict=True)
         return np.stack(columns, axis=2), Beside(*map(np.array, prior)), len(terms)
 
     def added(self, one: Added, supposed: Supposed) -> Floats:
