@@ -131,6 +131,9 @@ def _spoilt(
     late_joint: tuple[int, int] | None = None,
     leap: tuple[int, float] | None = None,
     turn: int | None = None,
+    rate_scale: Any = 1.0,
+    rate_order: tuple[int, ...] | None = None,
+    rate_rows: int = 0,
 ) -> tuple[Floats, Floats, Floats]:
     """Return positions, velocities and torques as a recorder with a fault of each kind would have them."""
     q, qd, tau = q.copy(), qd.copy(), tau.copy()
@@ -143,6 +146,8 @@ def _spoilt(
     if swapped is not None:
         for values in (tau,) if torques_alone else (q, qd, tau):
             values[:, list(swapped)] = values[:, list(swapped)[::-1]]
+    qd = np.roll(qd * rate_scale, rate_rows, axis=0)
+    qd = qd if rate_order is None else qd[:, list(rate_order)]
     later = len(tau) * 9 // 20
     if leap is not None:
         tau[later:, leap[0]] += leap[1]
@@ -212,6 +217,11 @@ TRUTHS = (
     Truth("J3's zero of a Panda leaps by 8 Nm", "zero leaps", (2,), spoil={"leap": (2, -8.0)}, **_PANDA),
     Truth("J2's sign turns", "sign turns", (1,), spoil={"turn": 1}, **_UR10E),
     Truth("2 kg taken up", "load changes", taken_up=2.0),
+    Truth("velocities in deg/s", "velocities", tuple(range(6)), spoil={"rate_scale": 57.29578}),
+    Truth("J3's velocities in deg/s", "velocities", (2,), spoil={"rate_scale": _of_one(6, 2, 57.29578)}, **_UR10E),
+    Truth("velocities of J2 and J3 swapped", "velocities", (1, 2), spoil={"rate_order": (0, 2, 1, 3, 4, 5)}),
+    Truth("velocities of another time", "velocities", tuple(range(7)), spoil={"rate_rows": 1600}, **_PANDA),
+    Truth("velocities 60 ms late", "late velocities", spoil={"rate_rows": 12}, **_UR10E),
     Truth("J1 locked", None, locked=0, **_UR10E),
     Truth("J4 locked", None, locked=3, **_UR10E),
 )
@@ -220,7 +230,7 @@ TRUTHS = (
 def drawn() -> tuple[Truth, ...]:
     """Return forty others, of which nothing was tuned: other arms, masses 5 to 40 % off, friction .7 to 1.6 times."""
     counts = {"gen3": 7, "iiwa14": 7, "ur10e": 6, "panda": 7}
-    found = []
+    truths = []
     for k in range(40):
         robot = tuple(counts)[k % 4]
         n, joint = counts[robot], 1 + k // 4 % 3
@@ -247,5 +257,5 @@ def drawn() -> tuple[Truth, ...]:
             "robot": robot, "seed": 200 + k, "masses": (0.05, 0.12, 0.2, 0.3, 0.4)[k % 5],
             "friction": (0.7, 1.0, 1.6)[k % 3], "seconds": (40.0, 20.0, 30.0)[k % 3],
         }  # fmt: skip
-        found.append(Truth(f"{k}, {robot} {words}", cause, joints, **how, **what))
-    return tuple(found)
+        truths.append(Truth(f"{k}, {robot} {words}", cause, joints, **how, **what))
+    return tuple(truths)

@@ -74,8 +74,8 @@ def test_gravity_base_parameters_hold_the_arm(tree, seed, turning):
     rng = np.random.default_rng(seed)
     gravity = rng.normal(size=3) if turning else np.array(LEVEL)
     base = gravity_base_parameters(m, None if turning else LEVEL)
-    q, rest = rng.normal(size=(1, m.n)), np.zeros((1, m.n))
-    torque = base.regressor(q, rest, rest, gravity)[0] @ (base.combination @ standard_gravity_parameters(m).values)
+    q, still = rng.normal(size=(1, m.n)), np.zeros((1, m.n))
+    torque = base.regressor(q, still, still, gravity)[0] @ (base.combination @ standard_gravity_parameters(m).values)
     assert_allclose(torque, gravity_torque(m, q[0], gravity), atol=1e-6)
 
 

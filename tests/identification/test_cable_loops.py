@@ -19,8 +19,8 @@ STIFFNESS, JOINT_SIDE, MOTOR_SIDE = 90.0, 0.3, 0.5  # [Nm/rad, Nm, Nm]
 EVERY = 5  # ticks of 1 ms
 
 
-def holds(found: Interval, least: float, most: float | None = None) -> bool:
-    return found.low <= (least if most is None else most) and found.high >= least
+def holds(interval: Interval, least: float, widest: float | None = None) -> bool:
+    return interval.low <= (least if widest is None else widest) and interval.high >= least
 
 
 def spring_and_friction() -> MotionLog:
@@ -36,17 +36,17 @@ def spring_and_friction() -> MotionLog:
 
 
 def test_a_spring_between_two_frictions_is_found() -> None:
-    (found,), doubts = cable_loops(spring_and_friction())
+    (loop,), doubts = cable_loops(spring_and_friction())
     assert not doubts
-    assert found.stiffness.value == pytest.approx(STIFFNESS, rel=0.03)
-    assert found.friction.value == pytest.approx(JOINT_SIDE + MOTOR_SIDE, rel=0.03)
-    assert found.joint_side.value == pytest.approx(JOINT_SIDE, rel=0.1)
-    assert found.motor_side.value == pytest.approx(MOTOR_SIDE, rel=0.1)
-    assert found.width.value == pytest.approx(2.0 * JOINT_SIDE / STIFFNESS, rel=0.1)
+    assert loop.stiffness.value == pytest.approx(STIFFNESS, rel=0.03)
+    assert loop.friction.value == pytest.approx(JOINT_SIDE + MOTOR_SIDE, rel=0.03)
+    assert loop.joint_side.value == pytest.approx(JOINT_SIDE, rel=0.1)
+    assert loop.motor_side.value == pytest.approx(MOTOR_SIDE, rel=0.1)
+    assert loop.width.value == pytest.approx(2.0 * JOINT_SIDE / STIFFNESS, rel=0.1)
 
 
-@pytest.mark.parametrize(("file", "told"), [("raven2_friction.toml", 3), ("raven2.toml", 0)])
-def test_what_is_told_of_a_simulated_raven2_holds_its_truth(file: str, told: int) -> None:
+@pytest.mark.parametrize(("file", "is_shown"), [("raven2_friction.toml", 3), ("raven2.toml", 0)])
+def test_what_is_told_of_a_simulated_raven2_holds_its_truth(file: str, is_shown: int) -> None:
     plant = CablePlant(load_cable_arm(file), substeps=1)
     plant.home()
     t = np.arange(0.0, 120.0, 0.001)
@@ -67,7 +67,7 @@ def test_what_is_told_of_a_simulated_raven2_holds_its_truth(file: str, told: int
     loops, doubts = cable_loops(recorded)
     assert not doubts
     cable = plant.cable
-    assert sum(np.isfinite(loop.stiffness.value) for loop in loops) >= told
+    assert sum(np.isfinite(loop.stiffness.value) for loop in loops) >= is_shown
     for j, loop in enumerate(loops):
         load = float(np.percentile(np.abs(tau[:, j]), 95.0))  # friction grows with it
         motor = cable.rotor_friction[j] * cable.ratio[j] * (1.0 + cable.ratio_error[j])

@@ -55,13 +55,13 @@ def test_it_stays_with_the_robot_in_its_file(robot):
 
 
 def test_where_no_bound_can_be_found_torques_on_a_tilt_are_open_not_certain(monkeypatch):
-    found = identify([recorded(ARM, 0, seconds=12.0)], ARM, PLAIN)
+    result = identify([recorded(ARM, 0, seconds=12.0)], ARM, PLAIN)
 
     def unsolved(*_):
         raise InputError("no optimum")
 
     monkeypatch.setattr("catenary.identification.consistency.solve_program", unsolved)
-    robot = robot_from_record(robot_record(found.robot()))
+    robot = robot_from_record(robot_record(result.robot()))
     q = np.full(6, 0.3)
     assert np.isinf(unseen_torque(robot, q, tilted_gravity(0.4, 0.3))[0])
     assert_allclose(unseen_torque(robot, q, LEVEL), 0.0)

@@ -30,14 +30,14 @@ def currents(arm, seed, payload=None, **changes):
 
 def test_gains_are_found_within_their_errors_and_so_is_the_load(arm):
     # the loaded arm rubs as on another day
-    found = gains_of([currents(arm, 0)], [currents(arm, 2, (5.0, PLACE), friction=1.1)], arm, OPTIONS, 5.0)
-    assert (np.abs(found.gains / GAINS - 1.0) < 0.03).all()
-    assert (np.abs(found.gains / GAINS - 1.0) < 4.0 * found.errors + 0.002).all()
-    assert (found.errors < 0.03).all()
-    assert np.linalg.norm(found.centre - PLACE) < 0.01
-    said = " ".join(found.notes(arm))
-    assert "drive gains" in said
-    assert "load of 5 kg" in said
+    gains = gains_of([currents(arm, 0)], [currents(arm, 2, (5.0, PLACE), friction=1.1)], arm, OPTIONS, 5.0)
+    assert (np.abs(gains.gains / GAINS - 1.0) < 0.03).all()
+    assert (np.abs(gains.gains / GAINS - 1.0) < 4.0 * gains.errors + 0.002).all()
+    assert (gains.errors < 0.03).all()
+    assert np.linalg.norm(gains.centre - PLACE) < 0.01
+    notes = " ".join(gains.notes(arm))
+    assert "drive gains" in notes
+    assert "load of 5 kg" in notes
 
 
 def test_gains_that_recordings_do_not_show_are_refused_by_name(arm):
@@ -64,7 +64,7 @@ def test_twice_the_standard_errors_hold_the_true_gains_of_nineteen_arms_in_twent
         free = ur10_log(500 + seed, rotors=rotors)
         carrying = ur10_log(501 + seed, rotors=rotors, payload=(load, PLACE), friction=rng.uniform(0.85, 1.2))
         samples = [prepare(replace(each, tau=each.tau / gains), arm, OPTIONS) for each in (free, carrying)]
-        found = gains_of(samples[:1], samples[1:], arm, OPTIONS, load)
-        held.append(np.abs(np.log(found.gains / gains)) < 1.96 * found.errors)
+        estimate = gains_of(samples[:1], samples[1:], arm, OPTIONS, load)
+        held.append(np.abs(np.log(estimate.gains / gains)) < 1.96 * estimate.errors)
     assert (np.sum(held, axis=0) >= 18).all()  # of 20, each joint
     assert np.sum(held) >= 110  # of 120; 95 % are 114

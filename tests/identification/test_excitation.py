@@ -42,10 +42,10 @@ def test_a_motion_shows_all_that_the_recordings_of_the_arm_show(designed):
 def test_friction_that_an_identification_found_changes_no_design(part, design):
     actuation = PANDA.actuation
     parts = [Friction(f"{own.name} too", own.combination, **part) for own in actuation.friction]
-    beside = tuple(parts) if "recording" in part else tuple(replace(own, **part) for own in actuation.friction)
+    added = tuple(parts) if "recording" in part else tuple(replace(own, **part) for own in actuation.friction)
     own = actuation.friction if "recording" in part else ()
-    found = replace(PANDA, actuation=replace(actuation, friction=(*own, *beside), values=None))
-    plain, same = (design(replace(LIMITS, model=arm), np.random.default_rng(0)) for arm in (PANDA, found))
+    identified = replace(PANDA, actuation=replace(actuation, friction=(*own, *added), values=None))
+    plain, same = (design(replace(LIMITS, model=arm), np.random.default_rng(0)) for arm in (PANDA, identified))
     assert plain.base.count == same.base.count
     assert same.condition == pytest.approx(plain.condition)
     assert_array_equal(plain.q, same.q)
@@ -157,19 +157,19 @@ def test_designed_motions_keep_every_limit_whatever_they_are(seed, slow, weak, b
         acceleration=np.full(7, brisk),
     )
     limits = MotionLimits(PANDA, room, np.array(LEVEL))
-    found = fourier_motion(limits, np.random.default_rng(seed), trials=6)
-    q, qd, qdd = found.series.sample(np.linspace(0.0, 10.0, 5000))
+    motion = fourier_motion(limits, np.random.default_rng(seed), trials=6)
+    q, qd, qdd = motion.series.sample(np.linspace(0.0, 10.0, 5000))
     assert (q >= room.lower).all()
     assert (q <= room.upper).all()
     assert (np.abs(qd) <= room.velocity).all()
     assert (np.abs(qdd) <= room.acceleration).all()
     torque = np.abs(inverse_dynamics(PANDA, q, qd, qdd, LEVEL))
     assert (torque <= room.effort).all()
-    assert_allclose(found.checked.torque, (torque / room.effort).max(axis=0), rtol=0.01)  # between a thousand rows
+    assert_allclose(motion.checked.torque, (torque / room.effort).max(axis=0), rtol=0.01)  # between a thousand rows
 
 
 @pytest.mark.parametrize(
-    ("room", "said"),
+    ("room", "message"),
     [
         (replace(ROOM, upper=ROOM.lower + 0.5), "q1 exceeds its upper limit"),
         (replace(ROOM, lower=ROOM.upper - 0.5), "q1 falls below its lower limit"),
@@ -178,12 +178,12 @@ def test_designed_motions_keep_every_limit_whatever_they_are(seed, slow, weak, b
         (replace(ROOM, effort=np.full(7, 20.0)), r"q2 needs \d\.\d\d of its torque limit"),
     ],
 )
-def test_a_motion_that_breaks_a_limit_is_told_which(room, said):
+def test_a_motion_that_breaks_a_limit_is_told_which(room, message):
     path = motion(PANDA, 0)
     assert BOUNDS.check(path).fault is None
     fault = replace(BOUNDS, room=room).check(path).fault
     assert fault is not None
-    assert re.match(said, fault)
+    assert re.match(message, fault)
 
 
 def test_a_motion_that_hits_something_is_told_what_and_when():
@@ -201,7 +201,7 @@ def test_poses_whose_weight_cannot_be_held_are_not_free():
 
 
 @pytest.mark.parametrize(
-    ("name", "limits", "said"),
+    ("name", "limits", "message"),
     [
         ("panda", {"lower": np.full(7, -3.0)}, "the limits given go beyond the robot's own"),
         ("panda", {"effort": np.full(7, 1000.0)}, "the limits given go beyond the robot's own"),
@@ -212,7 +212,7 @@ def test_poses_whose_weight_cannot_be_held_are_not_free():
         ("dvrk_psm_motors", {}, "no lower limit of q1: give --lower for all 7 joints"),
     ],
 )
-def test_limits_that_cannot_be_are_refused(name, limits, said):
+def test_limits_that_cannot_be_are_refused(name, limits, message):
     with pytest.raises(InputError) as caught:
         motion_room(load_robot(name), **limits)
-    assert said in str(caught.value)
+    assert message in str(caught.value)

@@ -47,18 +47,18 @@ def identified(kind):
 @pytest.mark.parametrize("kind", TRUTHS)
 def test_the_part_that_is_there_is_found_and_predicts_better(kind):
     logs, test = [run(TRUTHS[kind], 0)], run(TRUTHS[kind], 1)
-    found = identified(kind)
-    assert (("elbow", kind)) in {(part.friction, part.kind) for part in found.friction}
-    given = identify(logs, ARM, IdentifyOptions(friction=()), tests=[test])
-    assert found.tests[0].rms[1] < 0.9 * given.tests[0].rms[1]
+    chosen = identified(kind)
+    assert (("elbow", kind)) in {(part.friction, part.kind) for part in chosen.friction}
+    plain = identify(logs, ARM, IdentifyOptions(friction=()), tests=[test])
+    assert chosen.tests[0].rms[1] < 0.9 * plain.tests[0].rms[1]
 
 
 def test_the_size_of_presliding_friction_and_its_distance_are_found():
-    found = identified("presliding")
-    (part,) = (p for p in found.friction if (p.friction, p.kind) == ("elbow", "presliding"))
+    result = identified("presliding")
+    (part,) = (p for p in result.friction if (p.friction, p.kind) == ("elbow", "presliding"))
     assert part.scale is not None
     assert 0.01 < part.scale < 0.05  # the grid's neighbours of 0.02
-    loads = known_loads(found.robot())
+    loads = known_loads(result.robot())
     assert loads is not None
     # in steady sliding it is Coulomb friction of 1 Nm beside viscous friction
     sliding = loads.torque(np.zeros((2, 3)), np.array([[0, 1.0, 0], [0, -1.0, 0]]), np.zeros((2, 3)), np.zeros((2, 3)))
@@ -69,16 +69,16 @@ def test_plain_friction_gets_hardly_any_parts():
     def coulomb(q, qd, links):
         return 0.5 * np.sign(qd)
 
-    found = identify([run(coulomb, 0, noise=0.3)], ARM, tests=[run(coulomb, 1, noise=0.3)])
-    assert len(found.friction) <= 1
-    given = identify(
+    chosen = identify([run(coulomb, 0, noise=0.3)], ARM, tests=[run(coulomb, 1, noise=0.3)])
+    assert len(chosen.friction) <= 1
+    plain = identify(
         [run(coulomb, 0, noise=0.3)], ARM, IdentifyOptions(friction=()), tests=[run(coulomb, 1, noise=0.3)]
     )
-    assert (found.tests[0].rms < 1.02 * given.tests[0].rms).all()
+    assert (chosen.tests[0].rms < 1.02 * plain.tests[0].rms).all()
 
 
 def test_friction_of_a_robots_file_stands_as_it_is():
     logs = [run(TRUTHS["presliding"], 0)]
-    found = identified("presliding")
-    again = identify(logs, replace(found.model, actuation=replace(found.model.actuation, values=None)))
-    assert not {(p.friction, p.kind) for p in found.friction} & {(p.friction, p.kind) for p in again.friction}
+    result = identified("presliding")
+    again = identify(logs, replace(result.model, actuation=replace(result.model.actuation, values=None)))
+    assert not {(p.friction, p.kind) for p in result.friction} & {(p.friction, p.kind) for p in again.friction}

@@ -33,7 +33,7 @@ PLAIN = IdentifyOptions(friction=())
 
 
 @pytest.fixture(scope="module")
-def found():
+def identified():
     return identify([recorded(ARM, 0)], ARM, tests=[recorded(ARM, 1)])
 
 
@@ -42,9 +42,9 @@ def consistent():
     return identify([recorded(ARM, 0, noise=0.3)], ARM, IdentifyOptions(consistent=True), tests=[recorded(ARM, 1)])
 
 
-def test_true_dynamics_are_predicted_on_motion_that_was_not_fitted(found):
-    assert (found.tests[0].relative_rms < FILTERED).all()
-    assert found.tests[0].verdict == "holds"
+def test_true_dynamics_are_predicted_on_motion_that_was_not_fitted(identified):
+    assert (identified.tests[0].relative_rms < FILTERED).all()
+    assert identified.tests[0].verdict == "holds"
 
 
 def test_smooth_torques_are_identified_exactly():
@@ -121,12 +121,12 @@ def test_recordings_that_do_not_move_show_too_little():
     assert caught.value.rank < caught.value.n_base
 
 
-def test_an_arm_that_changed_has_drifted_and_torques_without_sense_fail(found):
+def test_an_arm_that_changed_has_drifted_and_torques_without_sense_fail(identified):
     heavier = recorded(ARM.with_payload("wrist", 0.3, [0.0, 0.0, 0.1]), 1)
     log = recorded(ARM, 1)
     shuffled = replace(log, tau=np.roll(log.tau, 700, axis=0))
     for other, verdicts in ((heavier, ("drifted", "fails")), (shuffled, ("fails",))):
-        assert found.test([prepare(other, ARM, IdentifyOptions())]).tests[-1].verdict in verdicts
+        assert identified.test([prepare(other, ARM, IdentifyOptions())]).tests[-1].verdict in verdicts
 
 
 def test_pseudo_inertia_is_the_second_moment_of_the_mass(rng):
@@ -145,8 +145,8 @@ def test_a_consistent_fit_is_a_robot_that_moves_as_the_regressor_says(consistent
     robot = consistent.robot()
     q, qd, qdd = sinusoids(rng, ARM, np.linspace(0.0, 3.0, 40))
     links = inverse_dynamics(robot, q, qd, qdd, LEVEL)
-    beside = known_loads(robot).torque(q, qd, qdd, links)
-    assert_allclose(links + beside, consistent.predict(q, qd, qdd), atol=1e-7)
+    friction = known_loads(robot).torque(q, qd, qdd, links)
+    assert_allclose(links + friction, consistent.predict(q, qd, qdd), atol=1e-7)
 
 
 def test_base_parameters_alone_make_no_robot():
@@ -156,7 +156,7 @@ def test_base_parameters_alone_make_no_robot():
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         ({"terms": "half"}, 'terms "half": expected full or static'),
         ({"weighting": "best"}, 'weighting "best": expected none, range'),
@@ -165,10 +165,10 @@ def test_base_parameters_alone_make_no_robot():
         ({"friction": ("sticky",)}, 'friction "sticky": expected some of asymmetric'),
     ],
 )
-def test_options_that_cannot_be_meant_are_refused(options, said):
+def test_options_that_cannot_be_meant_are_refused(options, message):
     with pytest.raises(InputError) as caught:
         IdentifyOptions(**options)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_poses_at_rest_make_a_robot_of_gravity_that_refuses_motion(rng):
@@ -181,12 +181,12 @@ def test_poses_at_rest_make_a_robot_of_gravity_that_refuses_motion(rng):
 
 
 def test_masses_of_the_robots_file_stand_where_torques_leave_a_choice():
-    found = identify([recorded(ARM, 0, noise=0.3)], ARM, PLAIN)
+    identified = identify([recorded(ARM, 0, noise=0.3)], ARM, PLAIN)
     other = identify([recorded(ARM, 0, noise=0.3)], ARM, replace(PLAIN, prior=False))
-    mass, smallest = (result.robot().tree.mass for result in (found, other))
+    mass, smallest = (result.robot().tree.mass for result in (identified, other))
     assert_allclose(mass, ARM.tree.mass, rtol=0.1)
     assert (np.abs(smallest / ARM.tree.mass - 1.0) > 0.2).any()
-    assert found.prior
+    assert identified.prior
     assert not other.prior
 
 
@@ -255,9 +255,9 @@ def test_currents_read_as_torques_get_no_factors_that_masses_do_not_tell(found_g
         prepare(replace(log, tau=log.tau / np.array([9.0, 12.0, 10.0, 14.0, 8.0, 11.0])), arm, IdentifyOptions())
         for log in (log(0), loaded)
     )
-    for found in (torque_findings(arm, own), findings_against(found_geared, loaded)):
-        assert (found[0].name, found[0].refuses) == ("torques", True)
-        assert "--currents with a known --load" in found[0].remedy
+    for findings in (torque_findings(arm, own), findings_against(found_geared, loaded)):
+        assert (findings[0].name, findings[0].refuses) == ("torques", True)
+        assert "--currents with a known --load" in findings[0].remedy
 
 
 def test_a_payload_of_a_geared_arm_is_weighed(found_geared, arm):
@@ -335,13 +335,13 @@ def test_joints_of_an_arm_whose_description_states_drives_have_rotors_too(tmp_pa
 def test_a_rotor_that_the_motion_does_not_show_is_told_by_its_joint_and_the_others_are_found(name, hidden):
     arm = load_robot(name)
     rotors = tuple(MotorInertia(*row) for row in zip(arm.joint_names, np.eye(arm.n), strict=True))
-    beside = np.append(np.full(3 * arm.n, 0.3), np.full(arm.n, 0.5))
+    numbers = np.append(np.full(3 * arm.n, 0.3), np.full(arm.n, 0.5))
     geared = replace(arm, actuation=replace(default_actuation(arm.joint_names), motor_inertia=rotors))
     time = np.arange(6000) / 200.0
     q, qd, qdd = sinusoids(np.random.default_rng(0), arm, time)
     for each in (q, qd, qdd):  # in step: what asks for the first joint's acceleration asks for the second's
         each[:, 1] = 0.7 * each[:, 0]
-    tau = torques(geared, q, qd, qdd, beside)
+    tau = torques(geared, q, qd, qdd, numbers)
     result = identify([recorded(geared, 0, q_nominal=q, qd=qd, tau=tau)], arm, PLAIN)
     assert result.unshown == hidden
     [note] = [note for note in workflow_notes(arm, result) if "that the motion does not determine" in note]
@@ -352,26 +352,26 @@ def test_a_rotor_that_the_motion_does_not_show_is_told_by_its_joint_and_the_othe
 def test_each_day_has_its_friction_and_all_have_the_masses(arm, tmp_path):
     first, last, test = ur10_log(0, friction=1.0), ur10_log(1, friction=1.4), ur10_log(2, friction=1.4)
     only = IdentifyOptions(friction=("recording",))
-    found = identify([first, last], arm, only, tests=[test])
+    identified = identify([first, last], arm, only, tests=[test])
     together = identify([first, last], arm, replace(only, friction=()), tests=[test])
-    assert (found.tests[0].rms < together.tests[0].rms).all()
-    assert (found.tests[0].rms < 0.7 * together.tests[0].rms).sum() >= 3
+    assert (identified.tests[0].rms < together.tests[0].rms).all()
+    assert (identified.tests[0].rms < 0.7 * together.tests[0].rms).sum() >= 3
     q = np.random.default_rng(9).uniform(-np.pi, np.pi, (200, 6))
-    robot = found.robot()
+    robot = identified.robot()
     assert (np.sqrt(np.mean((gravity_torque(robot, q, LEVEL) - ur10_gravity(q)) ** 2, axis=0)) < 0.2).all()
     # the robot is that of the last day
     values = dict(zip(robot.actuation.friction, np.reshape(robot.actuation.values[:18], (6, 3)), strict=True))
     for (friction, (coulomb, _, _)), true in zip(values.items(), 1.4 * COULOMB, strict=True):
         assert not friction.recording
         assert coulomb == pytest.approx(true, rel=0.05)
-    save_identification(found, identification_card(found, []), tmp_path / "arm.npz")
+    save_identification(identified, identification_card(identified, []), tmp_path / "arm.npz")
     again, _ = load_identification(tmp_path / "arm.npz")
-    np.testing.assert_array_equal(again.predict(q[:5], q[:5]), found.predict(q[:5], q[:5]))
+    np.testing.assert_array_equal(again.predict(q[:5], q[:5]), identified.predict(q[:5], q[:5]))
 
 
 def test_days_of_the_same_friction_share_it(arm):
-    found = identify([ur10_log(0), ur10_log(1)], arm, IdentifyOptions(friction=("recording",)))
-    assert not any(friction.recording for friction in found.model.actuation.friction)
+    identified = identify([ur10_log(0), ur10_log(1)], arm, IdentifyOptions(friction=("recording",)))
+    assert not any(friction.recording for friction in identified.model.actuation.friction)
 
 
 @pytest.mark.alike
@@ -389,4 +389,16 @@ def test_a_day_with_another_zero_gain_or_mounting_is_named(spoilt, name, refuses
     days = [prepare(log, arm, options) for log in (slow(arm, 0), replace(slow(arm, 1, **spoilt), name="spoilt"))]
     named = day_findings(arm, days)
     # of two days, what one has is as well the other's, the other way round
-    assert {(found.name, found.refuses) for _, found in named} == ({(name, refuses)} if name else set())
+    assert {(finding.name, finding.refuses) for _, finding in named} == ({(name, refuses)} if name else set())
+
+
+@pytest.mark.alike
+@pytest.mark.parametrize("name", ["arm", "friction"])
+def test_of_three_days_the_one_with_a_load_or_other_friction_is_named(name):
+    arm, options = load_robot("ur10e"), IdentifyOptions()
+    other = slow(arm.with_payload(arm.tip, 3.0, [0.0, 0.0, 0.1]) if name == "arm" else arm, 1)
+    if name == "friction":
+        other = replace(other, tau=other.tau + np.eye(6)[1] * (15.0 * np.tanh(other.qd / 0.01) + 8.0 * other.qd))
+    days = [slow(arm, 0), slow(arm, 2), replace(other, name="other")]
+    [(day, finding)] = day_findings(arm, [prepare(log, arm, options) for log in days])
+    assert (day, finding.name, finding.refuses) == ("other", name, False)

@@ -16,36 +16,36 @@ ARM = load_robot("raven2")
 
 
 @pytest.fixture(scope="module")
-def found():
+def identified():
     return identify([recorded(ARM, 0)], ARM, IdentifyOptions(consistent=True), tests=[recorded(ARM, 1)])
 
 
 @pytest.fixture
-def saved(found, tmp_path):
+def saved(identified, tmp_path):
     path = tmp_path / "arm.npz"
-    save_identification(found, identification_card(found, [], ("a note",)), path)
+    save_identification(identified, identification_card(identified, [], ("a note",)), path)
     return path
 
 
-def test_a_file_gives_back_the_same_torques_to_the_bit_and_the_robot(found, saved):
+def test_a_file_gives_back_the_same_torques_to_the_bit_and_the_robot(identified, saved):
     with np.load(saved, allow_pickle=False) as archive:
         assert all(archive[key].dtype.kind in "fiuU" for key in archive.files)  # no Python objects
     loaded, card = load_identification(saved)
     q = np.random.default_rng(0).uniform(ARM.lower, ARM.upper, size=(5, 3))
-    assert_array_equal(loaded.predict(q, q, q), found.predict(q, q, q))
-    assert_array_equal(loaded.std, found.std)
-    assert loaded.options == found.options
+    assert_array_equal(loaded.predict(q, q, q), identified.predict(q, q, q))
+    assert_array_equal(loaded.std, identified.std)
+    assert loaded.options == identified.options
     assert card["notes"] == ["a note"]
     assert loaded.robot().link_names == ARM.link_names
-    assert_array_equal(loaded.robot().tree.mass, found.robot().tree.mass)
+    assert_array_equal(loaded.robot().tree.mass, identified.robot().tree.mass)
     assert loaded.tests[0].verdict == "holds"
 
 
-def test_the_card_says_what_a_stranger_must_know(found, saved):
+def test_the_card_says_what_a_stranger_must_know(identified, saved):
     card = json.loads(card_path(saved).read_text())
-    assert card["n_base"] == found.base.count == len(card["parameters"])
+    assert card["n_base"] == identified.base.count == len(card["parameters"])
     assert {"name", "value", "std", "unit", "is"} <= set(card["parameters"][0])
-    assert_allclose([p["value"] for p in card["parameters"]], found.beta)
+    assert_allclose([p["value"] for p in card["parameters"]], identified.beta)
     assert card["tests"][0]["verdict"] == "holds"
 
 
@@ -62,7 +62,7 @@ def damaged(path, change):
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (lambda a, s: a.pop("beta"), "holds no identified parameters"),
         (lambda a, s: s.update(format="catenary.identification.1"), OLDER),
@@ -80,11 +80,11 @@ def damaged(path, change):
         (lambda a, s: a["beta"].__setitem__(0, 9.0), "numbers are not those that its card was written for"),
     ],
 )
-def test_a_damaged_file_is_refused(saved, change, said):
+def test_a_damaged_file_is_refused(saved, change, message):
     damaged(saved, change)
     with pytest.raises(FileFormatError) as caught:
         load_identification(saved)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert str(caught.value).startswith(str(saved))
 
 

@@ -63,10 +63,10 @@ def rocked(seed, amplitude, hz=0.3, *, wrench=False, place=(0.0, 0.0, 0.0)):
 @pytest.mark.parametrize(("amplitude", "count"), [(0.4, 70), (0.0, 64)])
 def test_only_what_a_base_moved_by_is_asked_of_a_recording(amplitude, count):
     """A base that stands still in spite of its columns shows no more than one without, and is no refusal."""
-    found = identify([rocked(0, amplitude)], PANDA, PLAIN, tests=[rocked(1, amplitude)])
-    assert found.base.count <= count + 6 * (amplitude == 0.0)
-    assert found.tests[0].verdict == "holds"
-    assert (found.tests[0].relative_rms < 0.03).all()
+    identified = identify([rocked(0, amplitude)], PANDA, PLAIN, tests=[rocked(1, amplitude)])
+    assert identified.base.count <= count + 6 * (amplitude == 0.0)
+    assert identified.tests[0].verdict == "holds"
+    assert (identified.tests[0].relative_rms < 0.03).all()
 
 
 def test_masses_are_true_with_a_rocking_bases_motion_and_told_to_be_wrong_without(caplog):
@@ -94,12 +94,12 @@ def test_an_accelerometer_away_from_the_base_origin_is_brought_there():
 
 class TestWrench:
     @pytest.fixture(scope="class")
-    def found(self) -> tuple[Identification, Identification]:
+    def identified(self) -> tuple[Identification, Identification]:
         logs = [rocked(0, 0.2, wrench=True)]
         return identify(logs, PANDA, PLAIN), identify([rocked(0, 0.2)], PANDA, PLAIN)
 
-    def test_the_arm_found_by_the_wrench_under_its_base_is_its_own_and_surer(self, found):
-        by_wrench, alone = found
+    def test_the_arm_found_by_the_wrench_under_its_base_is_its_own_and_surer(self, identified):
+        by_wrench, alone = identified
         assert by_wrench.model.joint_names == PANDA.joint_names
         links = dict(zip([f"{p} {link}" for link in PANDA.link_names for p in PARAMETER_NAMES],
                          link_parameters(PANDA.tree), strict=True))  # fmt: skip

@@ -25,7 +25,7 @@ PLACE = np.array([0.02, -0.1, 0.05])
 
 
 @pytest.fixture(scope="module")
-def found():
+def identified():
     return identify([recorded(ARM, 0, noise=0.2)], ARM, PLAIN)
 
 
@@ -44,8 +44,8 @@ def test_a_point_mass_has_the_torques_of_the_robot_that_carries_it():
 
 
 @pytest.mark.parametrize("frame", ["shoulder", "elbow", "wrist"])
-def test_a_mass_at_a_known_place_is_weighed(found, frame):
-    payload = estimate_payload(found, loaded(0.2, frame), at=(frame, PLACE))
+def test_a_mass_at_a_known_place_is_weighed(identified, frame):
+    payload = estimate_payload(identified, loaded(0.2, frame), at=(frame, PLACE))
     assert abs(payload.mass - 0.2) < max(0.02, 2.0 * payload.mass_std)
     if frame == "shoulder":  # moved by one joint, whose torque may as well have another gain
         assert payload.rival == "shoulder's torque times a gain: no single joint's motion would distinguish them"
@@ -55,13 +55,13 @@ def test_a_mass_at_a_known_place_is_weighed(found, frame):
 
 
 @pytest.mark.parametrize("at", [("wrist", PLACE), None])
-def test_an_unloaded_arm_carries_no_payload(found, at):
-    payload = estimate_payload(found, loaded(0.0), at=at)
+def test_an_unloaded_arm_carries_no_payload(identified, at):
+    payload = estimate_payload(identified, loaded(0.0), at=at)
     assert not payload.detected
     assert payload.confidence < 0.997
 
 
-def test_less_mass_than_identified_is_no_payload(found):
+def test_less_mass_than_identified_is_no_payload(identified):
     samples = [prepare(recorded(ARM, 1), ARM, PLAIN)]
     heavy = identify([recorded(ARM.with_payload("wrist", 0.5, PLACE), 0)], ARM, PLAIN)
     payload = estimate_payload(heavy, samples, at=("wrist", PLACE))
@@ -69,8 +69,8 @@ def test_less_mass_than_identified_is_no_payload(found):
     assert not payload.detected
 
 
-def test_mass_and_place_are_found_on_the_link_that_carries_them(found):
-    candidates = payload_candidates(found, loaded(0.3))
+def test_mass_and_place_are_found_on_the_link_that_carries_them(identified):
+    candidates = payload_candidates(identified, loaded(0.3))
     assert sorted(each.link for each in candidates) == sorted(ARM.link_names)
     assert sum(each.probability for each in candidates) == pytest.approx(1.0)
     payload = candidates[0]
@@ -110,30 +110,30 @@ def test_links_that_move_alike_share_the_probability():
     assert "cannot be distinguished by these poses; no single joint" in first.location
 
 
-def test_what_an_unloaded_recording_of_the_day_shows_is_subtracted(found):
+def test_what_an_unloaded_recording_of_the_day_shows_is_subtracted(identified):
     aged = 0.08  # an arm that grew heavier between days, before the payload came
     today = ARM.with_payload("wrist", aged, PLACE)
     both = ARM.with_payload("wrist", aged + 0.2, PLACE)
     unloaded = [prepare(recorded(today, 1, noise=0.2), ARM, PLAIN)]
     with_it = [prepare(recorded(both, 2, noise=0.2), ARM, PLAIN)]
-    biased = estimate_payload(found, with_it, at=("wrist", PLACE))
-    fair = estimate_payload(found, with_it, at=("wrist", PLACE), unloaded=unloaded)
+    biased = estimate_payload(identified, with_it, at=("wrist", PLACE))
+    fair = estimate_payload(identified, with_it, at=("wrist", PLACE), unloaded=unloaded)
     assert biased.mass == pytest.approx(aged + 0.2, abs=0.02)
     assert fair.mass == pytest.approx(0.2, abs=0.02)
 
 
 @pytest.mark.parametrize(
-    ("at", "said"),
+    ("at", "message"),
     [
         (("nose", PLACE), 'no frame "nose"'),
         (("frame0", PLACE), "does not move"),
         (("wrist", [0.0, 1.0]), "payload position: expected shape (3,)"),
     ],
 )
-def test_places_that_are_none_are_refused(found, at, said):
+def test_places_that_are_none_are_refused(identified, at, message):
     with pytest.raises(InputError) as caught:
-        estimate_payload(found, loaded(0.1), at=at)
-    assert said in str(caught.value)
+        estimate_payload(identified, loaded(0.1), at=at)
+    assert message in str(caught.value)
 
 
 UR10E = load_robot("ur10e")
@@ -182,17 +182,17 @@ def test_one_pose_at_rest_tells_no_load_from_zeros_and_many_do(rng):
     arm, still = UR10E, IdentifyOptions(terms="static", friction=(), consistent=False)
     heavy = arm.with_payload("tool0", LOAD, FLANGE)
 
-    def rest(model, q, name, zeros=0.0):
+    def at_rest(model, q, name, zeros=0.0):
         tau = inverse_dynamics(model, q, 0.0 * q, 0.0 * q, LEVEL) + 0.05 * rng.normal(size=q.shape) + zeros
         fields = {"q_nominal": q, "qd": 0.0 * q, "tau": tau, "ok": np.ones(len(q), bool), "time": np.arange(len(q))}
         return recorded(model, 0, seconds=0.1, name=name, **fields)
 
     q = rng.uniform(-2.0, 2.0, (200, 6))
-    found = identify([rest(arm, q, "free")], arm, still)
+    identified = identify([at_rest(arm, q, "free")], arm, still)
     for poses, apart in ((np.tile(q[:1], (40, 1)), False), (q[:40], True)):
         for zeros in (np.array([0.0, -10.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, 9.0, -6.0, 2.0, 0.0, 0.0])):
-            samples = [prepare(rest(heavy, poses, "loaded", zeros=zeros), arm, still)]
-            payload = estimate_payload(found, samples, at=AT)
+            samples = [prepare(at_rest(heavy, poses, "loaded", zeros=zeros), arm, still)]
+            payload = estimate_payload(identified, samples, at=AT)
             assert abs(payload.mass - LOAD) < 3.0 * payload.mass_std
             assert not apart or (payload.detected and payload.mass_std < 0.05)
 
@@ -212,7 +212,7 @@ def test_one_pose_at_rest_tells_no_load_from_zeros_and_many_do(rng):
 def test_a_gain_and_a_tilted_base_are_told_beside_the_load(arm, spoilt, name, joints):
     for mass in (LOAD, 0.0):
         [samples] = slowly(mass=mass, **spoilt)
-        found = findings_against(arm, samples)
-        faults = [(each.name, each.joints) for each in found if each.refuses or each.name == "offset"]
+        findings = findings_against(arm, samples)
+        faults = [(each.name, each.joints) for each in findings if each.refuses or each.name == "offset"]
         assert faults == ([] if name is None else [(name, tuple(UR10E.joint_names[i] for i in joints))])
-        assert [each.name for each in found].count("arm") == (mass > 0.0)
+        assert [each.name for each in findings].count("arm") == (mass > 0.0)

@@ -107,8 +107,8 @@ def test_drop_outs_leave_identified_gravity_nearly_as_true_as_without(name):
     true = gravity_torque(arm, q, LEVEL)
 
     def wrong(log):
-        found = identify_samples([prepare(log, arm, options)], arm, options)
-        return np.abs(found.predict(q) - true).max()
+        result = identify_samples([prepare(log, arm, options)], arm, options)
+        return np.abs(result.predict(q) - true).max()
 
     # two thirds of the rows, less what the filter takes at ten more ends
     assert wrong(without(run, *DROPPED_OUT)) < 5.0 * wrong(run)
@@ -206,7 +206,7 @@ def swapped(values):
     return values[:, [1, 0, 2]]
 
 
-@pytest.mark.parametrize(("changes", "said"), [
+@pytest.mark.parametrize(("changes", "message"), [
     ({"tau": None}, "has no torques"),
     ({"time": None}, "has no time: full dynamics need `fs` [Hz] or `t` [s]"),
     ({"seconds": 0.5}, "100 rows from row 0: shorter than the filter, which needs 114"),
@@ -214,19 +214,21 @@ def swapped(values):
     ({"q_nominal": 1000.0 * RUN.q_nominal, "qd": 1000.0 * RUN.qd}, "is it in degrees, or another joint's?"),
     (
         {"qd": degrees(RUN.qd)},
-        "velocity of joint elbow is 57.3 times the derivative of its position: degrees per second?",
+        "velocities of elbow are 57.3 times the derivatives of positions; fix: --scale qd:elbow=0.01745",
     ),
-    ({"qd": swapped(RUN.qd)}, "velocity of joint shoulder is not the derivative of its position"),
-    ({"qd": swapped(RUN.qd)}, "it follows joint elbow: swapped axes?"),
-    ({"time": 2.0 * RUN.time}, "another sampling rate than stated?"),
+    ({"qd": swapped(RUN.qd)}, "velocities of shoulder are those of elbow"),
+    ({"qd": swapped(RUN.qd)}, "fix: --swap qd:shoulder,elbow"),
+    ({"qd": -RUN.qd}, "fix: --sign qd:shoulder --sign qd:elbow --sign qd:insertion"),
+    ({"qd": RUN.qd[::-1]}, "fix: --leave-out qd"),
+    ({"time": 2.0 * RUN.time}, "2 times the derivatives of positions: is the time or the rate wrong?"),
     ({"time": np.zeros(len(RUN))}, "time stamp does not change"),
     ({"rate": 15.0}, "recorded at 15 Hz: the cut-off 10 Hz must be below half of it"),
     ({"joint_units": ("rad", "rad", "rad")}, 'has joint "insertion" in rad, not m'),
 ])  # fmt: skip
-def test_a_recording_that_cannot_be_of_the_robot_is_refused(changes, said):
+def test_a_recording_that_cannot_be_of_the_robot_is_refused(changes, message):
     with pytest.raises(InputError) as caught:
         prepare(log(**changes), ARM, FULL)
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 PANDA = load_robot("panda")
@@ -258,10 +260,10 @@ def rocking(rows):
 
 
 def test_a_rocking_base_is_not_taken_for_friction_or_masses():
-    found = identify([on_base(0, *rocking(2500))], PANDA, PLAIN, tests=[on_base(1, *rocking(2500))])
+    result = identify([on_base(0, *rocking(2500))], PANDA, PLAIN, tests=[on_base(1, *rocking(2500))])
     still = identify([replace(on_base(0, *rocking(2500)), signals={})], PANDA, PLAIN)
-    assert (found.tests[0].relative_rms < 0.03).all()
-    assert still.training[0].relative_rms[0] > 5.0 * found.training[0].relative_rms[0]
+    assert (result.tests[0].relative_rms < 0.03).all()
+    assert still.training[0].relative_rms[0] > 5.0 * result.training[0].relative_rms[0]
 
 
 def test_tilts_show_what_a_level_base_hides():
@@ -276,7 +278,7 @@ def test_tilts_show_what_a_level_base_hides():
 
 
 @pytest.mark.parametrize(
-    ("signals", "said"),
+    ("signals", "message"),
     [
         ({"gravity:x": 0.0, "gravity:y": 0.0}, "gravity:z is missing"),
         ({"gravity:x": 0.0, "gravity:y": 0.0, "gravity:z": -1.0 / 9.81}, "is it in g?"),
@@ -287,10 +289,10 @@ def test_tilts_show_what_a_level_base_hides():
         ),
     ],
 )
-def test_signals_that_cannot_be_are_refused(signals, said):
+def test_signals_that_cannot_be_are_refused(signals, message):
     log = recorded(PANDA, 0)
     columns = {name: np.full(len(log), value) for name, value in signals.items()}
-    with pytest.raises(InputError, match=said.replace("?", r"\?")):
+    with pytest.raises(InputError, match=message.replace("?", r"\?")):
         identify([replace(log, signals=columns)], PANDA, PLAIN)
 
 

@@ -63,8 +63,8 @@ def test_psm_of_another_day_is_predicted_as_well_as_with_other_tools(psm: Identi
 def test_two_days_of_a_psm_are_fitted_where_coupled_joints_show_no_friction_of_each_day(dvrk: Path) -> None:
     logs = [log_of(dvrk, name, "dvrk_psm_motors") for name in ("psm_one.npz", "psm_one_no_weight.npz")]
     options = IdentifyOptions(consistent=False, friction=("recording",))
-    found = identify(logs, load_robot("dvrk_psm_motors"), options)
-    assert found.rank == found.base.count
+    result = identify(logs, load_robot("dvrk_psm_motors"), options)
+    assert result.rank == result.base.count
 
 
 def test_mtm_is_fitted_with_the_published_number_of_parameters(dvrk: Path) -> None:
@@ -82,19 +82,19 @@ def test_the_end_of_the_mtms_motion_is_predicted_better_than_by_plain_friction(d
     samples = prepare(log_of(dvrk, "mtm_one.npz", "dvrk_mtm_motors"), load_robot("dvrk_mtm_motors"), IdentifyOptions())
     early = np.arange(len(samples)) < int(0.8 * len(samples))
     first, last = samples.rows(early, "first 80 %"), samples.rows(~early, "last 20 %")
-    found = identify_samples([first], load_robot("dvrk_mtm_motors"), IdentifyOptions()).test([last])
+    result = identify_samples([first], load_robot("dvrk_mtm_motors"), IdentifyOptions()).test([last])
     known = np.array([0.089, 0.204, 0.125, 0.207, 0.215, 0.177, 0.327])  # Coulomb and viscous friction alone
-    assert (found.tests[0].relative_rms <= 1.02 * known).all()  # bodies alone cost axis 1 2 %
-    assert np.mean(found.tests[0].relative_rms / known) < 0.9
+    assert (result.tests[0].relative_rms <= 1.02 * known).all()  # bodies alone cost axis 1 2 %
+    assert np.mean(result.tests[0].relative_rms / known) < 0.9
 
 
 def test_panda_is_predicted_on_the_seconds_it_was_not_fitted_to(recordings: Path) -> None:
     log = log_of(recordings / "panda_dynamics", "panda_first60.npz", "panda")
     assert identify([log], load_robot("panda"), PUBLISHED).base.count == 64
-    found = identify([log], load_robot("panda"), IdentifyOptions(blocks=1.0))
+    result = identify([log], load_robot("panda"), IdentifyOptions(blocks=1.0))
     known = np.array([0.085, 0.009, 0.014, 0.012, 0.124, 0.051, 0.158])  # of other tools, the folder's README
-    assert (found.tests[0].relative_rms <= known).all()
-    assert np.mean(found.tests[0].relative_rms / known) < 0.85
+    assert (result.tests[0].relative_rms <= known).all()
+    assert np.mean(result.tests[0].relative_rms / known) < 0.85
 
 
 def test_a_geared_arm_is_identified_from_its_currents_and_a_known_load(recordings: Path) -> None:
@@ -107,19 +107,19 @@ def test_a_geared_arm_is_identified_from_its_currents_and_a_known_load(recording
     result = identify_files(
         [fitted], "ur10e", IdentifyOptions(), tests=[tested], reading=Reading(currents=True), load=(2.805, loaded)
     )
-    found, arm = result.identification, load_robot("ur10e")
+    identified, arm = result.identification, load_robot("ur10e")
     without_rotors = np.array([0.0502, 0.0217, 0.0276, 0.0613, 0.0812, 0.1099])
-    assert (found.tests[0].relative_rms <= without_rotors).all()
-    assert np.mean(found.tests[0].relative_rms / without_rotors) < 0.85
+    assert (identified.tests[0].relative_rms <= without_rotors).all()
+    assert np.mean(identified.tests[0].relative_rms / without_rotors) < 0.85
     assert result.gains is not None
     assert (result.gains.errors < 0.1).all()
     assert (result.gains.errors[1:] < 0.05).all()
-    robot, q = found.robot(), np.random.default_rng(0).uniform(-np.pi, np.pi, (500, 6))
+    robot, q = identified.robot(), np.random.default_rng(0).uniform(-np.pi, np.pi, (500, 6))
     assert (np.abs(robot.tree.mass / arm.tree.mass - 1.0) < 0.15).all()
     off = gravity_torque(robot, q, LEVEL) - gravity_torque(arm, q, LEVEL)
     assert (np.sqrt(np.mean(off**2, axis=0)) < [0.01, 3.0, 1.5, 0.1, 0.1, 0.1]).all()  # of 122 Nm and 42 on J2, J3
-    samples = prepare(read_torque_log(loaded, found.model), found.model, found.options)
-    assert estimate_payload(found, [samples]).mass == pytest.approx(2.805, rel=0.05)
+    samples = prepare(read_torque_log(loaded, identified.model), identified.model, identified.options)
+    assert estimate_payload(identified, [samples]).mass == pytest.approx(2.805, rel=0.05)
 
 
 def test_a_staublis_wrist_is_identified_with_the_drive_that_two_joints_share(recordings: Path) -> None:
@@ -136,17 +136,17 @@ def test_masters_static_torques_are_predicted_from_both_sides(recordings: Path) 
     folder = recordings / "dvrk_mtm_static_gravity"
     logs = [log_of(folder, f"grid4_{side}.npz", "dvrk_mtm") for side in ("pos", "neg")]
     options = IdentifyOptions(terms="static", blocks=128)
-    found = identify(logs, load_robot("dvrk_mtm"), options)
-    for test in found.tests:
+    result = identify(logs, load_robot("dvrk_mtm"), options)
+    for test in result.tests:
         assert (test.rms[1:3] <= 0.075).all()  # [Nm] J2, J3
 
 
 def test_tiagos_lift_and_arm_are_explained(recordings: Path) -> None:
     log = log_of(recordings / "tiago_dynamics", "tiago_dynamic.npz", "tiago")
     # the rows that the figaroh examples use
-    found = identify([log.part(921, 6791)], load_robot("tiago"))
-    assert (found.training[0].relative_rms[:5] < 0.35).all()
-    assert found.rank == found.base.count
+    result = identify([log.part(921, 6791)], load_robot("tiago"))
+    assert (result.training[0].relative_rms[:5] < 0.35).all()
+    assert result.rank == result.base.count
 
 
 def test_tiagos_table_is_the_robots_own_chain(recordings: Path) -> None:
@@ -170,15 +170,15 @@ def test_tiagos_table_is_the_robots_own_chain(recordings: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "cutoff_hz", "most"),
+    ("name", "cutoff_hz", "largest"),
     [("psm_one_105g_insertion.npz", None, 0.010), ("psm_half_105g_insertion.npz", 8.48, 0.035)],
 )
-def test_a_known_weight_is_weighed(psm, dvrk, name, cutoff_hz, most) -> None:
+def test_a_known_weight_is_weighed(psm, dvrk, name, cutoff_hz, largest) -> None:
     log = log_of(dvrk, name, "dvrk_psm_motors")
     samples = prepare(log, psm.model, IdentifyOptions(cutoff_hz=cutoff_hz))
     payload = estimate_payload(psm, [samples], at=WEIGHT)
     assert payload.detected
-    assert payload.mass == pytest.approx(0.105, abs=most)
+    assert payload.mass == pytest.approx(0.105, abs=largest)
 
 
 def test_an_unloaded_arm_of_another_day_carries_no_payload(psm: Identification, dvrk: Path) -> None:
@@ -210,11 +210,38 @@ def test_a_panda_whose_torques_are_turned_names_the_joints(recordings: Path, joi
     assert finding.joints == tuple(panda.joint_names[j] for j in joints)
 
 
+@pytest.mark.parametrize("name", ["psm_one_no_weight.npz", "psm_one_105g_insertion.npz"])
+def test_a_second_of_motion_in_which_joints_hardly_move_is_not_refused(dvrk: Path, name: str) -> None:
+    log, arm = log_of(dvrk, name, "dvrk_psm_motors"), load_robot("dvrk_psm_motors")
+    ninth = log.part(len(log) * 8 // 10, len(log) * 9 // 10)  # q1 and q5 look swapped in it
+    assert not any(finding.refuses for finding in torque_findings(arm, prepare(ninth, arm, IdentifyOptions())))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says", "remedy"),
+    [
+        (lambda qd, other: 57.29578 * qd, "are 57.3 times the derivatives", "--scale qd:q1=0.01745"),
+        (lambda qd, other: qd[:, [0, 2, 1, 3, 4, 5, 6]], "of q2 are those of q3", "--swap qd:q2,q3"),
+        (lambda qd, other: other[::-1], "do not follow positions", "--leave-out qd"),
+        (lambda qd, other: np.roll(qd, 8, axis=0), "velocities come 40 ms too late", ""),
+    ],
+    ids=["deg/s", "swapped", "of another recording", "late"],
+)
+def test_velocities_that_do_not_belong_to_positions_are_named_first(dvrk: Path, spoil, says, remedy) -> None:
+    arm = load_robot("dvrk_psm_motors")
+    log, other = (log_of(dvrk, name, "dvrk_psm_motors") for name in ("psm_one.npz", "psm_one_no_weight.npz"))
+    spoilt = replace(log, qd=spoil(log.qd, other.qd))
+    first, *_ = torque_findings(arm, prepare(spoilt, arm, IdentifyOptions(), within_limits=False))
+    assert (first.name, first.refuses) == ("velocities", bool(remedy))
+    assert says in first.says
+    assert first.remedy.startswith(remedy)
+
+
 def test_swapped_axes_of_a_recording_are_noticed(dvrk: Path, psm: Identification) -> None:
     log = log_of(dvrk, "psm_one_no_weight.npz", "dvrk_psm_motors")
     mixed = replace(log, **{key: getattr(log, key)[:, [1, 0, *range(2, 7)]] for key in ("q_nominal", "qd", "tau")})
-    found = [str(each) for each in findings_against(psm, prepare(mixed, psm.model, psm.options))]
-    assert any("q1 and q2 look swapped, all columns" in each for each in found)
+    messages = [str(each) for each in findings_against(psm, prepare(mixed, psm.model, psm.options))]
+    assert any("q1 and q2 look swapped, all columns" in each for each in messages)
 
 
 def test_lost_motion_of_a_da_vinci_tool_is_that_of_its_torque(recordings: Path) -> None:
@@ -227,11 +254,11 @@ def test_lost_motion_of_a_da_vinci_tool_is_that_of_its_torque(recordings: Path) 
     (backwards,), doubts = cable_loops(log)
     assert [doubt.name for doubt in doubts] == ["sign"]  # it counts against the motion
     assert backwards.friction.high < 0.0
-    (found,), doubts = cable_loops(replace(log, tau=-tau))
+    (cable,), doubts = cable_loops(replace(log, tau=-tau))
     assert not doubts
-    loop = np.deg2rad(80.0) * 2.0 * found.friction.value  # a compliance under load of 70 to 93 deg/Nm
-    assert loop / 3.0 * 0.9 < found.width.value < loop / 2.0 * 1.1
-    assert found.stiffness.low > 1.0 / np.deg2rad(93.0)  # a reversal meets a stiffer cable than a load does
+    loop = np.deg2rad(80.0) * 2.0 * cable.friction.value  # a compliance under load of 70 to 93 deg/Nm
+    assert loop / 3.0 * 0.9 < cable.width.value < loop / 2.0 * 1.1
+    assert cable.stiffness.low > 1.0 / np.deg2rad(93.0)  # a reversal meets a stiffer cable than a load does
 
 
 def test_nine_seconds_at_5_khz_are_fitted_as_well_as_without_the_filters_edges(recordings: Path) -> None:

@@ -21,7 +21,7 @@ from tests.truth.bench import FAILS, HOLDS, NAMED, REFUSED, Outcome
 FINDING = {
     "load": "arm", "shared drive": "arm", "gain": "torques", "common gain": "torques", "currents": "torques",
     "sign": "sign", "position sign": "sign", "backwards": "sign", "all signs": "sign", "zero": "offset",
-    "no gravity": "gravity", "tilt": "gravity", "swapped": "swapped", "delay": "delay",
+    "no gravity": "gravity", "tilt": "gravity", "swapped": "swapped", "delay": "delay", "velocities": "velocities", "late velocities": "velocities",
     "zero leaps": "jump", "sign turns": "jump", "load changes": "jump",
 }  # fmt: skip
 
@@ -35,13 +35,13 @@ def payloads(only: str) -> Iterator[Outcome]:
     """Weigh loads of 0, .5 and 2 kg by identified arms, beside one kind of difference each."""
     for robot, kind in product(_PAYLOAD_ROBOTS, _BESIDE):
         if re.search(only, name := f"payload: {robot}, {kind}"):
-            found = [_weighed(robot, kind, draw) for draw in range(_PAYLOAD_DRAWS)]
-            inside = sum(within for within, _ in found)
-            right = sum(told for _, told in found)
-            said = f"{inside} in 95 %, {right} told apart"
+            weighings = [_weighed(robot, kind, draw) for draw in range(_PAYLOAD_DRAWS)]
+            inside = sum(within for within, _ in weighings)
+            right = sum(is_detected for _, is_detected in weighings)
+            claim = f"{inside} in 95 %, {right} told apart"
             # of sharp intervals one in twenty lies outside: three of twelve once in fifty tables
             holds = inside >= _PAYLOAD_DRAWS - 2 and right >= _PAYLOAD_DRAWS - 1
-            yield Outcome(name, said, f"{_PAYLOAD_DRAWS} loads", HOLDS if holds else FAILS)
+            yield Outcome(name, claim, f"{_PAYLOAD_DRAWS} loads", HOLDS if holds else FAILS)
 
 
 _PAYLOAD_ROBOTS, _PAYLOAD_DRAWS, _LOADS_KG = ("ur10e", "gen3", "iiwa14"), 12, (2.0, 0.0, 0.5)
@@ -78,17 +78,17 @@ def _weighed(robot: str, kind: str, draw: int) -> tuple[bool, bool]:
         shifted = rng.permutation(n) < rng.integers(1, 4)
         log = replace(log, tau=log.tau + shifted * size * rng.choice([-1.0, 1.0], n))
     samples = prepare(log, arm.model, arm.options, within_limits=False)
-    found = estimate_payload(arm, [samples], at=(arm.model.tip, _PLACE))
-    within = found.mass is not None and abs(found.mass - kg) < 1.96 * (found.mass_std or 0.0)
-    return within, found.detected == (kg > 0.0)
+    estimate = estimate_payload(arm, [samples], at=(arm.model.tip, _PLACE))
+    within = estimate.mass is not None and abs(estimate.mass - kg) < 1.96 * (estimate.mass_std or 0.0)
+    return within, estimate.detected == (kg > 0.0)
 
 
 def _tried(truth: Truth) -> Outcome:
     model = load_robot(truth.robot)
     samples = prepare(known_torques(truth), model, IdentifyOptions(), within_limits=False)
-    found = [each for each in torque_findings(model, samples) if each.name != "short"]
-    told, true = [each.name for each in found[:1]], [] if truth.cause is None else [FINDING[truth.cause]]
-    refused = any(each.refuses for each in found)
-    verdict = (REFUSED if refused else NAMED if found else HOLDS) if told == true or not refused else FAILS
-    said = str(found[0]).split("; log evidence")[0] if found else "nothing"
-    return Outcome(f"torques: {truth.name}", said, truth.cause or "nothing", verdict)
+    findings = [each for each in torque_findings(model, samples) if each.name != "short"]
+    names, true = [each.name for each in findings[:1]], [] if truth.cause is None else [FINDING[truth.cause]]
+    refused = any(each.refuses for each in findings)
+    verdict = (REFUSED if refused else NAMED if findings else HOLDS) if names == true or not refused else FAILS
+    claim = str(findings[0]).split("; log evidence")[0] if findings else "nothing"
+    return Outcome(f"torques: {truth.name}", claim, truth.cause or "nothing", verdict)

@@ -42,12 +42,12 @@ def test_card_notes_and_tables_hold_what_was_fitted_and_tested(moving_arm_logs: 
     assert all(len(entry["sha256"]) == 64 for entry in result.card["data"])
     assumed = "assumed friction on every joint, a filter of order 4 at 10 Hz"
     assert any(assumed in note for note in result.notes)
-    found = result.identification
-    rows = found.residual_table.rows
+    identified = result.identification
+    rows = identified.residual_table.rows
     assert [(row[0], row[-1]) for row in rows] == [("run0", "fitted"), ("run1", "holds")]
-    assert len(found.parameter_table.rows) == found.base.count
-    rank = f"{found.base.count} of {found.base.count} base parameters"
-    assert dict(excitation_facts(found))["rank"] == rank
+    assert len(identified.parameter_table.rows) == identified.base.count
+    rank = f"{identified.base.count} of {identified.base.count} base parameters"
+    assert dict(excitation_facts(identified))["rank"] == rank
 
 
 EVERY = load_robot("raven2").joint_names
@@ -55,7 +55,7 @@ EVERY = load_robot("raven2").joint_names
 
 @pytest.mark.alike
 @pytest.mark.parametrize(
-    ("spoil", "said", "mend"),
+    ("spoil", "message", "mend"),
     [
         (lambda tau: tau[:, [1, 0, 2]], "shoulder and elbow look swapped, torques alone", Mend(swap=("tau:shoulder,elbow",))),
         (lambda tau: tau[:, [0, 2, 1]], "", Mend(swap=("tau:elbow,insertion",))),  # a turning and a sliding one
@@ -65,17 +65,17 @@ EVERY = load_robot("raven2").joint_names
     ],
 )  # fmt: skip
 def test_torques_that_are_not_the_motions_are_refused_with_what_mends_them(
-    tmp_path: Path, spoil: Callable[[Floats], Floats], said: str, mend: Mend
+    tmp_path: Path, spoil: Callable[[Floats], Floats], message: str, mend: Mend
 ) -> None:
     log, options = recorded(load_robot("raven2"), 0, noise=0.1), IdentifyOptions(consistent=False, friction=())
     write_npz(log, tmp_path / "spoilt.npz", tau=spoil(np.array(log.tau)))
-    with pytest.raises(DataError, match=said) as refused:
+    with pytest.raises(DataError, match=message) as refused:
         identify_files([tmp_path / "spoilt.npz"], "raven2", options)
     for name, texts in (("swap", mend.swap), ("sign", mend.sign)):
         assert all(f"--{name} {text}" in str(refused.value) for text in texts)
     mended = identify_files([tmp_path / "spoilt.npz"], "raven2", options, reading=Reading(mend=mend))
     assert not any("swapped" in note for note in mended.notes)
-    if refused.value.names == ("swapped",) and said:
+    if refused.value.names == ("swapped",) and message:
         accepted = identify_files([tmp_path / "spoilt.npz"], "raven2", options, accept=("swapped",)).notes
         assert any("accepted swapped" in note for note in accepted)
 
@@ -149,10 +149,10 @@ def test_three_joints_of_an_arm_are_identified_from_theirs_or_all_columns(
     assert log.tau is not None
     path = tmp_path / "run.npz"
     write_npz(log, path, q=log.q_nominal[:, :count], dq=log.qd[:, :count], tau=log.tau[:, :count])
-    found = identify_files([path], str(urdf), QUICK, joints=JOINTS).identification
-    assert found.model.joint_names == JOINTS
-    part = of_joints(log, found.model)
-    assert (found.compare(prepare(part, found.model, QUICK)).relative_rms < 0.06).all()
+    identified = identify_files([path], str(urdf), QUICK, joints=JOINTS).identification
+    assert identified.model.joint_names == JOINTS
+    part = of_joints(log, identified.model)
+    assert (identified.compare(prepare(part, identified.model, QUICK)).relative_rms < 0.06).all()
 
 
 def test_three_joints_of_a_longer_arm_weigh_a_load_where_the_others_are_held(tmp_path: Path) -> None:
@@ -173,8 +173,8 @@ def test_three_joints_of_a_longer_arm_weigh_a_load_where_the_others_are_held(tmp
     result = identify_files([run(arm, "free")], "ur10e", QUICK, joints=moving)
     save_identification(result.identification, result.card, parameters)
     loaded = run(arm.with_payload("tool0", 3.0, place), "loaded")
-    found = payload_of_files([loaded], parameters, at=("tool0", place)).payload
-    assert found.mass == pytest.approx(3.0, rel=0.03)
+    identified = payload_of_files([loaded], parameters, at=("tool0", place)).payload
+    assert identified.mass == pytest.approx(3.0, rel=0.03)
     with pytest.raises(InputError, match=r"joint shoulder_pan_joint .* was held at 0.3 when others were identified"):
         payload_of_files([run(arm, "elsewhere", at=0.5)], parameters)
 
@@ -206,16 +206,16 @@ def poses_of_ur10e(path: Path, rng: np.random.Generator, columns: int | None = N
 
 def test_mass_centre_and_biases_come_out_of_a_table_of_poses(tmp_path: Path, rng: np.random.Generator) -> None:
     table = poses_of_ur10e(tmp_path / "poses.csv", rng)
-    found = catenary("payload", table, "--wrist-sensor", "ur10e", "--json").json
-    assert found["mass"] == pytest.approx(MASS, abs=4.0 * found["mass_deviation"])
-    assert found["mass_deviation"] < 0.002
-    assert_allclose(found["center"], CENTER, atol=2e-3)
-    assert_allclose([*found["force_bias"], *found["torque_bias"]], BIASES, atol=0.02)
-    told = catenary("payload", table, "--wrist-sensor", "ur10e", "--tool", tmp_path / "tool.toml").out
-    assert re.search(r"mass +0\.8", told)
-    assert "counts the load, in axes turned by 0.0 deg from tool0" in told
+    identified = catenary("payload", table, "--wrist-sensor", "ur10e", "--json").json
+    assert identified["mass"] == pytest.approx(MASS, abs=4.0 * identified["mass_deviation"])
+    assert identified["mass_deviation"] < 0.002
+    assert_allclose(identified["center"], CENTER, atol=2e-3)
+    assert_allclose([*identified["force_bias"], *identified["torque_bias"]], BIASES, atol=0.02)
+    printed = catenary("payload", table, "--wrist-sensor", "ur10e", "--tool", tmp_path / "tool.toml").out
+    assert re.search(r"mass +0\.8", printed)
+    assert "counts the load, in axes turned by 0.0 deg from tool0" in printed
     tool = load_tool(tmp_path / "tool.toml")
-    assert (tool.mass, tool.robot, tool.frame) == (found["mass"], "ur10e", "tool0")
+    assert (tool.mass, tool.robot, tool.frame) == (identified["mass"], "ur10e", "tool0")
 
 
 def test_what_is_missing_is_named(tmp_path: Path, rng: np.random.Generator) -> None:
@@ -254,7 +254,7 @@ def recording(model: Any, seed: int, force: np.ndarray) -> MotionLog:
 
 
 @pytest.fixture(scope="module")
-def found(in_mujoco: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def identified(in_mujoco: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     options = IdentifyOptions(friction=(), find_rotors=False)
     logs = [recording(in_mujoco, seed, np.zeros(3)) for seed in (0, 1)]
     result: Identification = identify(logs[:1], ARM, options, tests=logs[1:])
@@ -269,33 +269,33 @@ def table(path: Path) -> dict[str, np.ndarray]:
     return dict(zip(header, np.array(rows, dtype=float).T, strict=True))
 
 
-def test_a_push_in_mujoco_is_found_within_its_interval(in_mujoco: Any, found: Path, tmp_path: Path) -> None:
+def test_a_push_in_mujoco_is_found_within_its_interval(in_mujoco: Any, identified: Path, tmp_path: Path) -> None:
     log, out = recording(in_mujoco, 2, FORCE), tmp_path / "pushed.csv"
     write_npz(log, tmp_path / "pushed.npz", joint_names=np.array(ARM.joint_names))
-    line = ("payload", tmp_path / "pushed.npz", "--model", found, "--external", out)
-    said = catenary(*line, "--accept", "sign", "--accept", "torques", "--json").json
+    line = ("payload", tmp_path / "pushed.npz", "--model", identified, "--external", out)
+    output = catenary(*line, "--accept", "sign", "--accept", "torques", "--json").json
     rows = table(out)
     t = rows["t [s]"]
     settled = (np.abs(t - PUSHED[0]) > 0.3) & (np.abs(t - PUSHED[1]) > 0.3)  # the filter rounds the steps
     pushed = settled & (t >= PUSHED[0]) & (t < PUSHED[1])
     q = np.array([np.interp(t, log.time, column) for column in log.q_nominal.T]).T
-    asked = np.where(pushed[:, None], np.einsum("nij,i->nj", jacobian(ARM, q)[:, :3], FORCE), 0.0)
+    external = np.where(pushed[:, None], np.einsum("nij,i->nj", jacobian(ARM, q)[:, :3], FORCE), 0.0)
     for k, name in enumerate(ARM.joint_names):
-        inside = np.abs(rows[f"external:{name} [Nm]"] - asked[:, k]) <= rows[f"within:{name} [Nm]"]
+        inside = np.abs(rows[f"external:{name} [Nm]"] - external[:, k]) <= rows[f"within:{name} [Nm]"]
         assert 0.9 < inside[settled].mean() <= 1.0
     for axis, true in zip("xyz", FORCE, strict=True):
         off = rows[f"tip:force:{axis} [N]"][pushed] - true
         assert 0.9 < np.mean(np.abs(off) <= rows[f"within:tip:force:{axis} [N]"][pushed])
-    assert [joint["joint"] for joint in said["joints"]] == list(ARM.joint_names)
-    assert said["joints"][1]["beyond"] > 0.15  # pushed for four of 15 seconds
+    assert [joint["joint"] for joint in output["joints"]] == list(ARM.joint_names)
+    assert output["joints"][1]["beyond"] > 0.15  # pushed for four of 15 seconds
 
 
 def test_the_table_names_the_joint_that_felt_it_and_an_unloaded_run_gives_the_interval(
-    in_mujoco: Any, found: Path, tmp_path: Path
+    in_mujoco: Any, identified: Path, tmp_path: Path
 ) -> None:
     for seed, force in ((2, FORCE), (3, np.zeros(3))):
         write_npz(recording(in_mujoco, seed, force), tmp_path / f"{seed}.npz")
-    line = ("payload", tmp_path / "2.npz", "--model", found, "--external", tmp_path / "o.csv")
+    line = ("payload", tmp_path / "2.npz", "--model", identified, "--external", tmp_path / "o.csv")
     outcome = catenary(*line, "--unloaded", tmp_path / "3.npz", "--accept", "sign", "--accept", "torques")
     assert "External torques in 2" in outcome.out
     assert "largest force on tool0" in outcome.out
@@ -303,8 +303,8 @@ def test_the_table_names_the_joint_that_felt_it_and_an_unloaded_run_gives_the_in
     log = recording(in_mujoco, 2, FORCE)
     write_npz(replace(log, tau=log.tau + 20.0 * np.eye(6)[2]), tmp_path / "2.npz")
     steady = catenary(*line, "--accept", "sign", "--accept", "torques").err
-    told = re.search(r"elbow_joint: (-[\d.]+) Nm", steady)
-    assert told is not None
-    assert float(told[1]) == pytest.approx(-20.0, abs=2.0)
+    printed = re.search(r"elbow_joint: (-[\d.]+) Nm", steady)
+    assert printed is not None
+    assert float(printed[1]) == pytest.approx(-20.0, abs=2.0)
     assert "throughout: a shifted zero of its torque looks like a steady push" in steady
     assert "expected one recording, got 2" in refusal(*line, tmp_path / "3.npz")

@@ -62,7 +62,7 @@ class RecordingOptions(MappingOptions):
     delay: float = _of_recordings("SECONDS", "Time by which measurements lag the commands.", 0.0)
     shift: int = _of_recordings("ROWS", "The same in rows, for recordings without time stamps.", 0)
     time_unit: str = _of_recordings("UNIT", "Unit of the stamps: s, ms, us, ns, min or ks.", "s")
-    leave_out: Sequence[str] = _of_recordings("A:B", "Ignore measured rows A to B - 1; repeatable.")
+    leave_out: Sequence[str] = _of_recordings("A:B", "Ignore measured rows A to B - 1; qd: velocities.")
 
     def reading(self, robot: str | None = None) -> "Reading":
         """Return the mapping and corrections of recordings, of a robot by catalogue name or file where one is named.

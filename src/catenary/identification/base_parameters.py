@@ -106,8 +106,8 @@ class Parameters:
     @cached_property
     def carrying(self) -> tuple[int, ...]:
         """Columns of what load-dependent friction grows with: links, rotors, springs."""
-        beside = (k for k, term in enumerate(self.actuation) if term.friction is None)
-        return (*range(self._first), *(self._first + k for k in beside))
+        frictionless = (k for k, term in enumerate(self.actuation) if term.friction is None)
+        return (*range(self._first), *(self._first + k for k in frictionless))
 
     @cached_property
     def rotors(self) -> dict[int, ActuationTerm]:
@@ -125,16 +125,16 @@ class Parameters:
         What one recording has beside the others leaves its friction zero or more.
         """
         place = {(t.kind, t.name): self._first + k for k, t in enumerate(self.actuation)}
-        alone, beside = list[dict[int, float]](), list[dict[int, float]]()
+        alone, paired = list[dict[int, float]](), list[dict[int, float]]()
         for (kind, name), term in zip(place, self.actuation, strict=True):
             for factor, other in NOT_NEGATIVE if term.friction is None else term.friction.bounds:
                 row = {place[kind, name]: factor}
                 if other:
-                    beside.append(row | _one(place.get((other, name))))
+                    paired.append(row | _one(place.get((other, name))))
                 else:
                     common = name.removesuffix(f"{OF_RECORDING}{term.recording}") if term.recording else ""
                     alone.append(row | _one(place.get((kind, common))))
-        rows = [*alone, *beside]
+        rows = [*alone, *paired]
         B = np.zeros((len(rows), len(self.names)))
         for r, row in enumerate(rows):
             for column, factor in row.items():
@@ -159,10 +159,10 @@ class Parameters:
 
     def beside_links(self, whole: Floats, loads: Floats) -> Floats:
         """Return the matrix (N, n, k) of all links' columns (N, n, 10 L) and the loads (N, t) of the actuation."""
-        wanted = [PER_LINK * i + p for i in self.links for p in range(self.per_link)]
+        own = [PER_LINK * i + p for i in self.links for p in range(self.per_link)]
         along = np.array([term.combination for term in self.actuation]).reshape(-1, whole.shape[1])
         columns = loads[:, None, :] * along.T[None]
-        return np.concatenate([whole[:, :, wanted], columns], axis=2)
+        return np.concatenate([whole[:, :, own], columns], axis=2)
 
     def loads(self, samples: Samples) -> Floats:
         """Return the loads (N, t) of the actuation's terms on a recording's rows, as friction remembers its history."""
@@ -233,8 +233,8 @@ class BaseParameters:
 
     def named(self, direction: Floats) -> str:
         """Return the names of most of a direction (b,) of parameters."""
-        most = np.argsort(-np.abs(direction))[:4]
-        return ", ".join(self.names[i] for i in most if abs(direction[i]) > 0.1)
+        largest = np.argsort(-np.abs(direction))[:4]
+        return ", ".join(self.names[i] for i in largest if abs(direction[i]) > 0.1)
 
     def describe(self, index: int, names: Sequence[str] | None = None, digits: int = 5) -> str:
         """Return one base parameter as the sum that it is, by names (k,) of all: mx(elbow) + 0.4 m(hand)."""
@@ -301,8 +301,8 @@ def gravity_base_parameters(model: RobotModel, gravity: ArrayLike | None = LEVEL
         field = as_array("gravity", gravity, (3,))
         if not np.linalg.norm(field) > 0.0:
             raise InputError("gravity is zero: expected an acceleration, without it no parameter has an effect")
-    rest = np.zeros_like(q)
-    Y = parameters.regressor(q, rest, rest, field).reshape(-1, len(parameters.names))
+    still = np.zeros_like(q)
+    Y = parameters.regressor(q, still, still, field).reshape(-1, len(parameters.names))
     return _reduced(parameters, Y, _outwards(parameters))
 
 
@@ -330,14 +330,14 @@ def _reduced(parameters: Parameters, Y: Floats, order: Sequence[int] | None) -> 
     unit = Y * (seen / np.where(seen, size, 1.0))
     chosen = _independent(unit, order) if seen.any() else np.array([], dtype=np.int64)
     # how the other columns are combined from the chosen ones: least squares is exact for dependent columns
-    rest = np.setdiff1d(np.arange(k), chosen)
+    dependent = np.setdiff1d(np.arange(k), chosen)
     combination = np.zeros((len(chosen), k))
     combination[np.arange(len(chosen)), chosen] = 1.0
     condition = 1.0
     if len(chosen):
         condition = float(np.linalg.cond(unit[:, chosen]))
-        K = np.linalg.lstsq(unit[:, chosen], unit[:, rest], rcond=None)[0]
-        combination[:, rest] = K * size[rest] / size[chosen][:, None]
+        K = np.linalg.lstsq(unit[:, chosen], unit[:, dependent], rcond=None)[0]
+        combination[:, dependent] = K * size[dependent] / size[chosen][:, None]
         combination[np.abs(combination) < _ROUNDING_RATIO * np.abs(combination).max()] = 0.0
     if len(own):
         combination = np.vstack([combination, np.eye(k)[own]])
@@ -357,12 +357,12 @@ def _independent(unit: Floats, order: Sequence[int] | None) -> Columns:
     basis: list[Floats] = []
     chosen: list[int] = []
     for c in order:
-        rest = unit[:, c]
+        remainder = unit[:, c]
         for b in basis * 2:  # twice: once leaves rounding of the order of the columns' dependence
-            rest = rest - (b @ rest) * b
-        left = float(np.linalg.norm(rest))
+            remainder = remainder - (b @ remainder) * b
+        left = float(np.linalg.norm(remainder))
         if left > _DEPENDENT_RATIO:
-            basis.append(rest / left)
+            basis.append(remainder / left)
             chosen.append(c)
     return np.array(chosen, dtype=np.int64)
 

@@ -77,7 +77,7 @@ def cable_loops(log: MotionLog) -> tuple[list[CableLoop], list[Finding]]:
         friction, untold = Interval(), ["friction: the joint hardly moves"]
         if moves := DISPLAY[unit][1] * np.ptp(q[:, j]) > MOVED_DEG_MM:
             friction, untold = _friction(log.time, q, x[:, j], tau[:, j], j, half)
-        found = CableLoop(joint, unit, friction, following=float(missed[j]), reversals=len(turns))
+        loop = CableLoop(joint, unit, friction, following=float(missed[j]), reversals=len(turns))
         if seen is None or not moves:
             untold += ["stiffness, hysteresis: no encoder on every row, or the joint hardly moves"]
         else:
@@ -85,12 +85,12 @@ def cable_loops(log: MotionLog) -> tuple[list[CableLoop], list[Finding]]:
             fine = _STANDING_JUMPS * max(jumps, 1e-5 * float(np.ptp(q[:, j])))
             rows = _windups(log.time, q[:, j], x[:, j], tau[:, j], turns, fine)
             block = np.floor((rows[:, 0] - log.time[0]) / (log.time[-1] - log.time[0] + 1e-9) * _BLOCK_COUNT)
-            found, more = _of_windups(found, rows[:, 1:], block, fine)
+            loop, more = _of_windups(loop, rows[:, 1:], block, fine)
             untold = [*untold, *more]
         if friction.high < 0.0:
             says = f"friction of {friction.value:.3g} drives the joint"
             findings += [Finding("sign", (joint,), says, "torques negated", f"--sign tau:{joint}")]
-        loops.append(found._replace(untold=tuple(untold)))
+        loops.append(loop._replace(untold=tuple(untold)))
     return loops, findings
 
 
@@ -166,22 +166,22 @@ def _windups(time: Floats, q: Floats, x: Floats, tau: Floats, turns: list[tuple[
     That is: when, the lost motion, by how much the torque swings once the motor's own friction has turned, as the first
     half's line tells it and as the row at a tenth does, the slopes of _WINDUP_PARTS, and the time that it takes.
     """
-    found = []
+    windups = []
     for (row, way), end in zip(turns, [row for row, _ in (*turns, (len(q), 0))][1:], strict=True):
         joint = way * (x[row:end] - x[row])
         near = np.flatnonzero(way * (q[row:end] - q[row]) > _TURN_SHARE * np.ptp(q))
-        rest = int(np.argmin(joint[: max(3, near[0] if len(near) else len(joint))]))
-        goes = np.flatnonzero(joint[rest:] > joint[rest] + fine)
+        start = int(np.argmin(joint[: max(3, near[0] if len(near) else len(joint))]))
+        goes = np.flatnonzero(joint[start:] > joint[start] + fine)
         if len(goes):
-            rows = slice(row, row + rest + int(goes[0]) + 1)
+            rows = slice(row, row + start + int(goes[0]) + 1)
             stretch, torque = way * (q - x)[rows], way * tau[rows]
             stretch = stretch - stretch[0]
             wide = stretch[-1] > _BACKLASH_JUMPS * fine
             lines = [_line(stretch, torque, *part) if wide else (np.nan, np.nan) for part in _WINDUP_PARTS]
             early = (torque[-1] - torque[np.argmax(stretch >= 0.1 * stretch[-1])]) / 0.9
             until, slopes = time[rows][-1], [slope for slope, _ in lines]
-            found.append((time[row], stretch[-1], torque[-1] - lines[1][1], early, *slopes, until - time[row]))
-    return np.array(found).reshape(-1, 8)
+            windups.append((time[row], stretch[-1], torque[-1] - lines[1][1], early, *slopes, until - time[row]))
+    return np.array(windups).reshape(-1, 8)
 
 
 def _line(stretch: Floats, torque: Floats, first: float, last: float) -> tuple[float, float]:
@@ -203,31 +203,31 @@ def _of_blocks(values: Floats, block: Floats) -> Interval:
     return Interval(*map(float, (mean, mean - reach, mean + reach)))
 
 
-def _of_windups(found: CableLoop, rows: Floats, block: Floats, fine: float) -> tuple[CableLoop, list[str]]:
+def _of_windups(loop: CableLoop, rows: Floats, block: Floats, fine: float) -> tuple[CableLoop, list[str]]:
     """Return a joint's cable parameters from wind-ups (R, 7), and the reasons for those that are missing."""
     width, swing, early, whole, first, second, lasts = (_of_blocks(column, block) for column in rows.T)
     if not np.isfinite(width.value):
-        return found, [f"stiffness, hysteresis: reversals in fewer than {_MIN_BLOCKS} of {_BLOCK_COUNT} blocks of time"]
+        return loop, [f"stiffness, hysteresis: reversals in fewer than {_MIN_BLOCKS} of {_BLOCK_COUNT} blocks of time"]
     low, high = np.percentile(rows[:, 0], [16.0, 84.0])
     if width.value < _BACKLASH_JUMPS * fine:
-        found = found._replace(width=Interval(width.value, 0.0, max(width.high, _BACKLASH_JUMPS * fine)))
-        return found, [f"stiffness, sides of friction: the encoder resolves {fine:.2g} {found.unit}"]
+        loop = loop._replace(width=Interval(width.value, 0.0, max(width.high, _BACKLASH_JUMPS * fine)))
+        return loop, [f"stiffness, sides of friction: the encoder resolves {fine:.2g} {loop.unit}"]
     if high > _EVEN_RATIO * low:
-        why = f"lost motion is {low:.2g} to {high:.2g} {found.unit}: other joints move this cable, or it is little"
-        return found, [f"stiffness, hysteresis: {why}; record one joint at a time"]
+        why = f"lost motion is {low:.2g} to {high:.2g} {loop.unit}: other joints move this cable, or it is little"
+        return loop, [f"stiffness, hysteresis: {why}; record one joint at a time"]
     if not all(v > 0.0 for v in (whole.low, second.low, first.value, _APART_FACTOR * first.value - second.value)):
         why = "the torque does not rise evenly with the stretch, as in a backlash, or rows are too few"
-        return found._replace(width=width), [f"stiffness, sides of friction: {why}", _NO_BACKLASH_TEXT]
+        return loop._replace(width=width), [f"stiffness, sides of friction: {why}", _NO_BACKLASH_TEXT]
     last = second.value + 0.75 * (second.value - first.value)  # where the trend leads at the wind-up's end
     ends = [max(last, 0.0), *(end for ends in (whole, first, second) for end in ends[1:])]
-    found, untold = found._replace(width=width, stiffness=Interval(whole.value, min(ends), max(ends))), []
+    loop, untold = loop._replace(width=width, stiffness=Interval(whole.value, min(ends), max(ends))), []
     if lasts.value >= _MIN_WINDUP_S:
         side = Interval(0.5 * swing.value, 0.5 * min(swing.low, early.low), 0.5 * max(swing.high, early.high))
-        rest = Interval(*(found.friction[a] - side[b] for a, b in ((0, 0), (1, 2), (2, 1))))
-        found = found._replace(joint_side=side, motor_side=rest)
+        motor_side = Interval(*(loop.friction[a] - side[b] for a, b in ((0, 0), (1, 2), (2, 1))))
+        loop = loop._replace(joint_side=side, motor_side=motor_side)
     else:
         untold = [f"sides of friction: wind-ups of {lasts.value:.2g} s are too fast, move more slowly"]
     if abs(first.value - second.value) > _SAME_DIFFERENCE * whole.value:
         why = "friction or hysteresis inside the cable" if first.value > second.value else "backlash, or soft at first"
         untold += [f"one stiffness: it is {first.value:.4g}, then {second.value:.4g} along a wind-up; {why}"]
-    return found, [*untold, _NO_BACKLASH_TEXT]
+    return loop, [*untold, _NO_BACKLASH_TEXT]

@@ -119,8 +119,8 @@ def parameter_scale(base: BaseParameters) -> Floats:
     """Bring the unknowns to one size: links by a length, actuation by one."""
     per_link = base.parameters.per_link
     link = np.array([1.0, *[_LENGTH_M] * 3, *[_LENGTH_M**2] * 6])[:per_link]
-    rest = base.combination.shape[1] - per_link * len(base.parameters.links)
-    return np.concatenate([np.tile(link, len(base.parameters.links)), np.ones(rest)])
+    terms = base.combination.shape[1] - per_link * len(base.parameters.links)
+    return np.concatenate([np.tile(link, len(base.parameters.links)), np.ones(terms)])
 
 
 def _pseudo_inertia_map() -> Floats:
@@ -174,12 +174,12 @@ def likeliest_prior(base: BaseParameters, R: Floats, variance: float) -> Floats 
     """
     scale = np.append(parameter_scale(base), np.linalg.norm(R[:, -1]))
     fit = np.column_stack([R[:, :-1] @ base.combination, R[:, -1]]) / np.sqrt(variance)
-    best, most = None, -np.inf
+    best, highest = None, -np.inf
     for rows, log_weight in _rows_of_file(base):
         sizes = np.abs(np.diag(np.linalg.qr(np.vstack([fit, rows]) * scale, mode="r"))) + 1e-300
         value = log_weight - 0.5 * float(sizes[-1] / scale[-1]) ** 2 - float(np.log(sizes[:-1]).sum())
-        if value > most:
-            best, most = rows * np.sqrt(variance), value
+        if value > highest:
+            best, highest = rows * np.sqrt(variance), value
     return best
 
 
@@ -195,9 +195,9 @@ def unseen_of(base: BaseParameters, phi: Floats) -> tuple[Unseen, ...]:
     parameters = base.parameters
     rng = np.random.default_rng(0)
     q = random_configurations(parameters.model, _FELT_ROWS, rng)
-    rest, gravity = np.zeros_like(q), random_gravity(_FELT_ROWS, rng)
+    still, gravity = np.zeros_like(q), random_gravity(_FELT_ROWS, rng)
     scale = parameter_scale(base)
-    Y = parameters.regressor(q, rest, rest, gravity).reshape(-1, len(phi)) * scale
+    Y = parameters.regressor(q, still, still, gravity).reshape(-1, len(phi)) * scale
     links = len(parameters.links) * parameters.per_link
     Y[:, links:] = 0.0  # springs and constants are as they are on any base
     C = base.combination * scale
@@ -241,7 +241,7 @@ def _farthest(base: BaseParameters, at: Floats, along: Floats) -> float:
     A, right = np.vstack([C, mass, bounded]), np.concatenate([C @ at, _MAX_MASS_RATIO * mass @ at, limits])
     cones = [clarabel.ZeroConeT(len(C)), clarabel.NonnegativeConeT(1), *cones]
     try:
-        found = solve_program(np.zeros((k, k)), -along, A, right, cones)
+        solution = solve_program(np.zeros((k, k)), -along, A, right, cones)
     except InputError:  # the point lies on the border of what is possible: no bound is known
         return np.inf
-    return float(along @ (found - at))
+    return float(along @ (solution - at))

@@ -197,15 +197,15 @@ class MotionLimits:
                 return CheckedMotion(f"{names[worst]} needs {torque[worst]:.2f} of its torque limit", torque, None)
         if self.scene is None:
             return CheckedMotion(None, torque, None)
-        found = self.scene.clearance(path, self.margin)
+        clearance = self.scene.clearance(path, self.margin)
         fault = None
-        if not found.is_kept:
-            a, b = found.pair
+        if not clearance.is_kept:
+            a, b = clearance.pair
             fault = (
                 f"{a} and {b} come within {1000 * self.margin:g} mm: "
-                f"{1000 * found.distance:.1f} mm at {found.time:.3f} s"
+                f"{1000 * clearance.distance:.1f} mm at {clearance.time:.3f} s"
             )
-        return CheckedMotion(fault, torque, found)
+        return CheckedMotion(fault, torque, clearance)
 
 
 @dataclass(frozen=True)
@@ -264,7 +264,7 @@ def static_poses(limits: MotionLimits, count: int, rng: np.random.Generator) -> 
         information = information + Y[best].T @ Y[best]
     motion = np.array(poses), np.zeros((count, model.n)), np.zeros((count, model.n))
     return Excitation(
-        np.arange(count, dtype=float), *motion, condition_of(base, *motion, g, most=_MOST_CONDITION), base, "static"
+        np.arange(count, dtype=float), *motion, condition_of(base, *motion, g, limit=_MOST_CONDITION), base, "static"
     )
 
 
@@ -289,19 +289,19 @@ def shown_parameters(
 _MOST_CONDITION = 1e6  # found: 6 to 700 within a robot's own limits, 5e4 within narrow ones, 1e17 of equal columns
 
 
-def condition_of(base: BaseParameters, *motion: Floats, most: float = np.inf) -> float:
+def condition_of(base: BaseParameters, *motion: Floats, limit: float = np.inf) -> float:
     """Return the condition number of the regressor, columns scaled to length one.
 
-    ExcitationError, naming columns: it is beyond `most`.
+    ExcitationError, naming columns: it is beyond `limit`.
     """
     Y = base.regressor(*motion).reshape(-1, base.count)
     R: Floats = np.linalg.qr(np.pad(Y, ((0, 0), (0, 1))), mode="r")  # type: ignore[assignment]  # R alone
     rank, condition, weakest = condition_of_triangle(R)
-    if condition > most:
+    if condition > limit:
         raise ExcitationError(
             f'robot "{base.parameters.model.name}": the design shows {rank} of {base.count} base parameters (condition '
-            f"{condition:.3g}, expected {most:g} at most), least of all {base.named(weakest)}: give wider limits, more "
-            "poses or trials, or a longer motion",
+            f"{condition:.3g}, expected {limit:g} at most), least of all {base.named(weakest)}: give wider limits, "
+            "more poses or trials, or a longer motion",
             rank=rank,
             n_base=base.count,
         )
@@ -426,7 +426,7 @@ def fourier_motion(
         )
     time = np.arange(round(period * rate) + 1) / rate
     q, qd, qdd = series.sample(time)
-    shown = condition_of(base, q, qd, qdd, limits.gravity, most=_MOST_CONDITION)
+    shown = condition_of(base, q, qd, qdd, limits.gravity, limit=_MOST_CONDITION)
     return Excitation(time, q, qd, qdd, shown, base, "full", series, checked)
 
 

@@ -60,20 +60,20 @@ def choose_friction(
     if not candidates:
         return actuation, ()
     evidence = _Evidence(base, samples, candidates, weights, actuation.coulomb_velocity)
-    chosen, most = dict[tuple[str, str], int](), evidence.log(())
+    chosen, best = dict[tuple[str, str], int](), evidence.log(())
     while True:
         tried = [chosen | added for added in _moves(candidates)]
         tried += [{key: k for key, k in chosen.items() if key != without} for without in chosen]
         logs = [evidence.log(parts.values()) for parts in tried]
-        if max(logs) <= most:
+        if max(logs) <= best:
             break
-        chosen, most = tried[int(np.argmax(logs))], max(logs)
+        chosen, best = tried[int(np.argmax(logs))], max(logs)
     friction, parts = list(actuation.friction), []
     for key, k in chosen.items():
         kind, name, scale, _, _, added = candidates[k]
-        given: dict[str, Any] = {} if added else {kind: True if scale is None else scale}
-        friction = [*(replace(own, **given) if own.name == name else own for own in friction), *added]
-        gain = most - evidence.log([other for of, other in chosen.items() if of != key])
+        part: dict[str, Any] = {} if added else {kind: True if scale is None else scale}
+        friction = [*(replace(own, **part) if own.name == name else own for own in friction), *added]
+        gain = best - evidence.log([other for of, other in chosen.items() if of != key])
         parts += [] if added else [FrictionPart(name, kind, scale, gain)]
     return replace(actuation, friction=tuple(friction)), tuple(parts)
 
@@ -89,7 +89,7 @@ def _moves(candidates: Sequence[_Candidate]) -> list[dict[tuple[str, str], int]]
 
 
 def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequence[str]) -> list[_Candidate]:
-    found, own = list[_Candidate](), [friction for friction in actuation.friction if not friction.recording]
+    candidates, own = list[_Candidate](), [friction for friction in actuation.friction if not friction.recording]
     tried = [term for term in FRICTION_TERMS.values() if term.kind in kinds and not term.usual]
     tried = [term for term in tried if term.memory is None or samples[0].history is not None]
     for friction in own:
@@ -103,14 +103,14 @@ def _candidates(actuation: Actuation, samples: Sequence[Samples], kinds: Sequenc
                 scales = [None] if term.scale is None else [share * size[term.scale.of] for share in term.scale.shares]
                 for rung, scale in enumerate(scales):
                     column = ActuationTerm(term.kind, friction.name, c, None, scale or 0.0)
-                    found.append(_Candidate(term.kind, friction.name, scale, rung, (column,)))
+                    candidates.append(_Candidate(term.kind, friction.name, scale, rung, (column,)))
     names = [part.name for part in samples]
     if _RECORDING in kinds and len(set(names)) == len(names):
         for name in names[:-1]:
             of_it = [f.only(lambda t: t.usual, name=f"{f.name}{OF_RECORDING}{name}", recording=name) for f in own]
             terms = actuation_terms(Actuation(friction=tuple(of_it)))
-            found.append(_Candidate(_RECORDING, name, None, 0, terms, tuple(of_it)))
-    return found
+            candidates.append(_Candidate(_RECORDING, name, None, 0, terms, tuple(of_it)))
+    return candidates
 
 
 class _Evidence:
@@ -133,10 +133,10 @@ class _Evidence:
         train = train / self._sizes[:, None] / self._sizes[:, :, None]
         b, c = base.count, train.shape[1]
         onto = np.linalg.solve(train[:, :b, :b] + _BASE_RIDGE * np.eye(b), train[:, :b, b:])
-        rest = np.concatenate([-onto, np.broadcast_to(np.eye(c - b), (FOLDS, c - b, c - b))], axis=1)
-        self._train = rest.transpose(0, 2, 1) @ train @ rest
-        rest = rest / self._sizes[:, :, None]
-        self._products = rest.transpose(0, 2, 1)[:, None] @ products @ rest[:, None]
+        projection = np.concatenate([-onto, np.broadcast_to(np.eye(c - b), (FOLDS, c - b, c - b))], axis=1)
+        self._train = projection.transpose(0, 2, 1) @ train @ projection
+        projection = projection / self._sizes[:, :, None]
+        self._products = projection.transpose(0, 2, 1)[:, None] @ products @ projection[:, None]
         self._rows = sum(part.independent * len(part) for part in samples)
 
     def log(self, chosen: Collection[int]) -> float:

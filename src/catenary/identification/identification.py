@@ -142,14 +142,14 @@ class Identification(OnScreen):
         if self.options.rotors is not None:
             stated = zip(self.model.joint_names, self.options.rotors, strict=True)
             return tuple(Rotor(name, value, None) for name, value in stated)
-        base, found = self.base, list[Rotor]()
+        base, rotors = self.base, list[Rotor]()
         for column, term in base.parameters.rotors.items():
             value, error = None if self.phi is None else float(self.phi[column]), None
             if base.identifiable[column] == "alone" and column in base.columns:
                 place = int(np.flatnonzero(base.columns == column)[0])
                 error, value = float(self.std[place]), float(self.beta[place]) if value is None else value
-            found.append(Rotor(term.name, value, error))
-        return tuple(found)
+            rotors.append(Rotor(term.name, value, error))
+        return tuple(rotors)
 
     def predict(
         self, q: ArrayLike, qd: ArrayLike | None = None, qdd: ArrayLike | None = None, gravity: ArrayLike | None = None
@@ -307,10 +307,10 @@ def identify(
     if not logs:
         raise InputError("identify: expected at least one recording")
     samples, held_out = prepared(logs, tests, model, options)
-    found = identify_logs(logs, samples, model, options).test(held_out)
-    for note in found.base_notes([*samples, *held_out]):
+    result = identify_logs(logs, samples, model, options).test(held_out)
+    for note in result.base_notes([*samples, *held_out]):
         _log.warning("%s", note)
-    return found
+    return result
 
 
 def identify_logs(
@@ -326,33 +326,33 @@ def identify_logs(
     if on_base is model:
         return identify_samples(samples, model, options)
     held = prepared(logs, (), on_base, options, within_limits=False)[0]
-    found = _of_arm(identify_samples(held, on_base, options), model, samples)
+    result = _of_arm(identify_samples(held, on_base, options), model, samples)
     with suppress(ExcitationError):
-        alone = identify_samples(samples, found.model, replace(options, friction=()))
-        for part, other in zip(found.training, alone.training, strict=True):
+        alone = identify_samples(samples, result.model, replace(options, friction=()))
+        for part, other in zip(result.training, alone.training, strict=True):
             if (worse := part.rms > _CONTRADICTED_RATIO * other.rms).any():
                 raise InputError(
                     f'recording "{part.log}": base_force and base_moment contradict the torques of joint '
                     f"{model.joint_names[int(np.argmax(worse))]}: expected N and Nm that hold the base, in base axes, "
                     "about the base's origin"
                 )
-    return found
+    return result
 
 
-def _of_arm(found: Identification, model: RobotModel, samples: Sequence[Samples]) -> Identification:
+def _of_arm(whole: Identification, model: RobotModel, samples: Sequence[Samples]) -> Identification:
     """Convert an identification with base joints to the arm's own parameters, a subset."""
-    full, first = found.base.parameters, len(BASE_JOINTS)
+    full, first = whole.base.parameters, len(BASE_JOINTS)
     own = np.eye(full.model.n)[:, first:]
     actuation = driven_actuation(model.name, full.model.assumed_actuation, own, np.zeros(full.model.n))
     parameters, motion = Parameters(replace(model, actuation=actuation), full.terms), _motion(samples)
-    rng, gravity = np.random.default_rng(found.options.seed), np.array(found.options.gravity)
+    rng, gravity = np.random.default_rng(whole.options.seed), np.array(whole.options.gravity)
     base = base_parameters(parameters, gravity, motion, rng, on_base=_base_of(samples)[0])
     among = np.array([[name == other for other in full.names] for name in parameters.names], dtype=float)
-    onto = base.combination @ among @ np.linalg.pinv(found.base.combination)
-    seen = found.seen and residuals.MovedRange(*(getattr(found.seen, k)[first:] for k in ("low", "high", "speed")))
+    onto = base.combination @ among @ np.linalg.pinv(whole.base.combination)
+    seen = whole.seen and residuals.MovedRange(*(getattr(whole.seen, k)[first:] for k in ("low", "high", "speed")))
     result = replace(
-        found, base=base, beta=onto @ found.beta, covariance=onto @ found.covariance @ onto.T, rank=base.count,
-        weights=found.weights[first:], phi=None if found.phi is None else among @ found.phi, seen=seen,
+        whole, base=base, beta=onto @ whole.beta, covariance=onto @ whole.covariance @ onto.T, rank=base.count,
+        weights=whole.weights[first:], phi=None if whole.phi is None else among @ whole.phi, seen=seen,
     )  # fmt: skip
     return replace(result, training=tuple(result.compare(part) for part in samples))
 
@@ -424,8 +424,8 @@ def gains_of(
 
 def _geared(model: RobotModel, options: IdentifyOptions) -> tuple[RobotModel, Actuation]:
     """Return a robot's actuation with the rotors to identify, and the robot with it but load-dependent friction."""
-    own, beside = model.assumed_actuation, rotors_beside(model) if options.find_rotors else ()
-    rotors = (*own.motor_inertia, *beside) if options.rotors is None else ()
+    own, added = model.assumed_actuation, rotors_beside(model) if options.find_rotors else ()
+    rotors = (*own.motor_inertia, *added) if options.rotors is None else ()
     actuation = replace(own, values=None, motor_inertia=rotors)
     steady = tuple(friction.only(lambda term: not term.grows_with_load) for friction in own.friction)
     return replace(model, actuation=replace(actuation, friction=steady)), actuation
@@ -485,20 +485,20 @@ def _fit(
 def _rotors_beforehand(base: BaseParameters, samples: Sequence[Samples]) -> dict[int, tuple[int, float]]:
     """Return the axis and the prior standard deviation about zero of each base parameter that is a rotor."""
     tau, qdd = (np.concatenate([getattr(part, key) for part in samples]) for key in ("tau", "qdd"))
-    found, rotors = {}, base.parameters.rotors
+    sizes, rotors = {}, base.parameters.rotors
     for k, column in enumerate(base.columns.tolist()):
         if (term := rotors.get(column)) is not None:
             axis, speeding = int(np.argmax(np.abs(term.combination))), qdd @ term.combination
             size, rate = (float(residuals.rms(values)) for values in (tau[:, axis], speeding))
-            found[k] = axis, ROTOR_SHARE * size / max(rate, 1e-9)
-    return found
+            sizes[k] = axis, ROTOR_SHARE * size / max(rate, 1e-9)
+    return sizes
 
 
 def carrying(base: BaseParameters, beta: Floats, samples: Sequence[Samples]) -> list[Samples]:
     """Return recordings with the torques of links, rotors and springs, on which friction may depend."""
     kept = np.isin(base.columns, base.parameters.carrying)
-    asked = (np.concatenate([Y[:, :, kept] @ beta[kept] for _, Y in base.chunks(part)]) for part in samples)
-    return [replace(part, carried=part.known + each) for part, each in zip(samples, asked, strict=True)]
+    torques = (np.concatenate([Y[:, :, kept] @ beta[kept] for _, Y in base.chunks(part)]) for part in samples)
+    return [replace(part, carried=part.known + each) for part, each in zip(samples, torques, strict=True)]
 
 
 def _base_of(samples: Sequence[Samples]) -> tuple[Floats | None, bool]:
@@ -515,16 +515,16 @@ def _base_of(samples: Sequence[Samples]) -> tuple[Floats | None, bool]:
     return rows, spread > _TILTING_SHARE
 
 
-def _turned(robot: RobotModel, phi: Floats, part: Samples, rest: Floats, rows: int) -> tuple[float, float]:
+def _turned(robot: RobotModel, phi: Floats, part: Samples, residual: Floats, rows: int) -> tuple[float, float]:
     """Return the residual after turning gravity, relative to turning it at other times, and the turn [rad RMS]."""
     kept, still = slice(0, len(part) // rows * rows), np.zeros_like(part.q)
     down = part.gravity / np.linalg.norm(part.gravity)
     across = np.linalg.svd(down[None])[2][1:]  # two directions that a turn adds gravity along
     columns = [torque_regressor(robot, part.q, still, still, axis)[kept] @ phi for axis in across]
-    size = np.maximum(np.sqrt(np.mean(rest**2, axis=0)), 1e-9)
+    size = np.maximum(np.sqrt(np.mean(residual**2, axis=0)), 1e-9)
     by_window = (len(part) // rows, rows * robot.n)
     G = np.stack([(column / size).reshape(by_window) for column in columns], axis=2)
-    e = (rest[kept] / size).reshape(by_window)
+    e = (residual[kept] / size).reshape(by_window)
 
     def fitted(shift: int) -> tuple[float, Floats]:
         moved = np.roll(G, shift, axis=0)

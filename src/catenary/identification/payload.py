@@ -104,9 +104,9 @@ def payload_candidates(
     of_loaded, of_unloaded = ([Evidence(model, part, belief) for part in parts] for parts in (loaded, unloaded))
     places = [(link, None) for link in belief.links] if at is None else [place_of(result, at)]
     loads = weigh_loads(of_loaded, places, others, unloaded=of_unloaded)
-    found = [_estimate(model, load, loads.sure, at is None) for load in loads.each]
-    best, links = loads.each[0], [estimate.link for estimate in found]
-    names, detected, rival = likely(links, loads.shares), found[0].detected, int(np.argmax(best.without))
+    estimates = [_estimate(model, load, loads.sure, at is None) for load in loads.each]
+    best, links = loads.each[0], [estimate.link for estimate in estimates]
+    names, detected, rival = likely(links, loads.shares), estimates[0].detected, int(np.argmax(best.without))
 
     def telling(count: int) -> str | None:
         pair = [(link, each.mean[:4]) for link, each in zip(links[:count], loads.each, strict=False)]
@@ -117,11 +117,11 @@ def payload_candidates(
         name = telling(1)
         how = f"move {name}" if name else "no single joint's motion would distinguish them"
         rival_says = f"{others[rival].says}: {how}"
-    beside = others[int(np.argmax(best.logs if detected else best.without))].says
+    difference = others[int(np.argmax(best.logs if detected else best.without))].says
     joint = telling(2) if len(names) > 1 else None
     return tuple(
-        replace(each, probability=share, likely=names, telling_joint=joint, beside=beside, rival=rival_says)
-        for each, share in zip(found, loads.shares, strict=True)
+        replace(each, probability=share, likely=names, telling_joint=joint, beside=difference, rival=rival_says)
+        for each, share in zip(estimates, loads.shares, strict=True)
     )
 
 
@@ -181,12 +181,12 @@ def locate_load(
         moment = pose.rotation.T @ (body.mean[1:4] - body.mean[0] * pose.position)
         std = float(np.sqrt(body.covariance[0, 0]))
         carriers.append(CarrierBelief(named[k], share * loads.sure, float(body.mean[0]), std, moment))
-    found = LoadBeliefs(1.0 - loads.sure, tuple(carriers))
-    if len(found.likely) < 2:
-        return found
+    beliefs = LoadBeliefs(1.0 - loads.sure, tuple(carriers))
+    if len(beliefs.likely) < 2:
+        return beliefs
     pair = [(one.frame, np.array([one.mass, *one.moment])) for one in carriers[:2]]
     last = down[-1] if down.ndim == 2 else down
-    return found._replace(telling_joint=telling_joint(compact_regressor(model), pair, rows[-1], last, spread))
+    return beliefs._replace(telling_joint=telling_joint(compact_regressor(model), pair, rows[-1], last, spread))
 
 
 def place_of(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Floats]:

@@ -57,20 +57,20 @@ def residual_verdict(
         training: Largest relative RMS of each axis in training (n,).
         seen: Range that each joint moved over in training; unknown when None.
     """
-    found, left = residual(samples, predicted), samples.tau - predicted
+    of_log, left = residual(samples, predicted), samples.tau - predicted
     with np.errstate(invalid="ignore"):
-        axes = np.flatnonzero(found.relative_rms > np.maximum(_HOLDS_RATIO * training, _SMALL_RESIDUAL)).tolist()
+        axes = np.flatnonzero(of_log.relative_rms > np.maximum(_HOLDS_RATIO * training, _SMALL_RESIDUAL)).tolist()
     unseen = [] if seen is None else _unseen(model, samples, seen)
     moved = {i: "" if seen is None else _motion_reason(model, i, samples, left[:, i], seen) for i in axes}
     telling = [i for i in axes if not moved[i]]  # where it moved enough, and where it was fitted
-    said = [
-        why or f"{found.relative_rms[i]:.2g} of the torque of {model.joint_names[i]} is left"
+    texts = [
+        why or f"{of_log.relative_rms[i]:.2g} of the torque of {model.joint_names[i]} is left"
         for i, why in moved.items()
     ]
-    verdict: Verdict = "unclear" if unseen or said else "holds"
+    verdict: Verdict = "unclear" if unseen or texts else "holds"
     if telling and not unseen:
-        verdict = "fails" if any(found.relative_rms[i] > _FAILS_SHARE for i in telling) else "drifted"
-    return replace(found, verdict=verdict, reasons=(*unseen, *said))
+        verdict = "fails" if any(of_log.relative_rms[i] > _FAILS_SHARE for i in telling) else "drifted"
+    return replace(of_log, verdict=verdict, reasons=(*unseen, *texts))
 
 
 def rms(values: Floats) -> Floats:

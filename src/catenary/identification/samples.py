@@ -27,6 +27,7 @@ from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.identification.identify_options import IdentifyOptions, filter_of, known_rotors
+from catenary.identification.velocities import MARGIN, velocity_faults
 from catenary.kernels.compiled import compiled
 from catenary.plant import Joints, MotionLog
 from catenary.robots.actuation import SignalFilter
@@ -68,13 +69,6 @@ def path_load(memory: Callable[[Floats, float, Floats], None], s: Floats, scale:
 _compiled_memory = cache(compiled)
 
 
-_MIN_RATE_CORRELATION = 0.5  # least correlation of a velocity with the derivative of its position
-_MOVING_RMS = {"rad": 0.02, "m": 0.005}  # RMS [rad/s, m/s] below which a velocity may be only noise
-_RATE_SLOPES = (0.6, 1.6)  # slopes of a velocity on that derivative; filtered velocities of real arms reach 0.8
-# correlation, spread and distance from 1 of slopes that wrong stamps cause; 0.012 on real recordings
-_CLOSE_CORRELATION, _ALIKE_SPREAD, _OTHER_DISTANCE = 0.99, 0.02, 0.03
-
-
 def of_model(log: MotionLog, model: RobotModel) -> MotionLog:
     """Return a recording with its joints in a robot's order; for base joints, with the recorded wrench."""
     if BASE_JOINTS[0] not in model.joint_names or BASE_JOINTS[0] in log.joint_names:
@@ -104,48 +98,27 @@ def check_positions(log: MotionLog, model: RobotModel) -> None:
     """
     where, log = f'recording "{log.name}"', of_model(log, model)
     low, high = limits_of(log, model, MAX_POSITIONS)
-    least, most = log.q_nominal.min(axis=0), log.q_nominal.max(axis=0)
-    for i in np.flatnonzero((least < low) | (most > high)):
+    least, largest = log.q_nominal.min(axis=0), log.q_nominal.max(axis=0)
+    for i in np.flatnonzero((least < low) | (largest > high)):
         name, unit = model.joint_names[i], model.joint_units[i]
         wrong = "degrees" if unit == "rad" else "mm"
         raise InputError(
-            f"{where}: joint {name} goes from {least[i]:.4g} to {most[i]:.4g}, expected {unit} between {low[i]:.4g} "
+            f"{where}: joint {name} goes from {least[i]:.4g} to {largest[i]:.4g}, expected {unit} between {low[i]:.4g} "
             f"and {high[i]:.4g}: is it in {wrong}, or another joint's?"
         )
 
 
-def check_rates(where: str, model: RobotModel, derivative: Floats, qd: Floats) -> tuple[str, ...]:
-    """Refuse velocities that are not the derivative of the positions, (N, n) each; note a factor common to all."""
-    own = derivative - derivative.mean(axis=0)
-    given = qd - qd.mean(axis=0)
-    size, given_size = np.linalg.norm(own, axis=0), np.linalg.norm(given, axis=0)
-    least = np.array([_MOVING_RMS[unit] for unit in model.joint_units]) * np.sqrt(len(qd))
-    moving = (size > least) & (given_size > 0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        correlation = own.T @ given / size[:, None] / given_size
-        slopes = np.sum(own * given, axis=0) / size**2
-    for i in np.flatnonzero(moving):
-        name = model.joint_names[i]
-        if correlation[i, i] < _MIN_RATE_CORRELATION:
-            others = np.where(moving, correlation[:, i], -1.0)
-            best = int(np.argmax(others))
-            follows = f"; it follows joint {model.joint_names[best]}: swapped axes?"
-            hint = follows if others[best] > 0.9 else ""
-            raise InputError(
-                f"{where}: the velocity of joint {name} is not the derivative of its position "
-                f"(correlation {correlation[i, i]:.2f}){hint}"
-            )
-        slope = slopes[i]
-        if not _RATE_SLOPES[0] < slope < _RATE_SLOPES[1]:
-            degrees = abs(slope / np.rad2deg(1.0) - 1.0) < 0.3
-            hint = "degrees per second?" if degrees else "another unit, or another sampling rate than stated?"
-            raise InputError(
-                f"{where}: the velocity of joint {name} is {slope:.3g} times the derivative of its position: {hint}"
-            )
-    same = slopes[moving & (np.diag(correlation) > _CLOSE_CORRELATION)]
-    if len(same) < 2 or np.ptp(same) > _ALIKE_SPREAD or abs(np.median(same) - 1.0) < _OTHER_DISTANCE:
-        return ()
-    return (f"velocities are {np.median(same):.3g} times the derivatives of positions: is the time or the rate wrong?",)
+def check_velocities(where: str, model: RobotModel, samples: "Samples") -> None:
+    """Refuse velocities that do not belong to the positions.
+
+    Args:
+        where, model, samples: Name of the recording for messages, robot, and filtered rows.
+    """
+    if samples.derived is not None:
+        step = float(np.median(np.diff(samples.time)))
+        faults = sorted(velocity_faults(model, samples.qd, samples.derived[:, 0], step))
+        if faults and faults[-1].remedy and faults[-1].gain > MARGIN:
+            raise InputError(f"{where}: {faults[-1].says}; fix: {faults[-1].remedy}")
 
 
 _BASE_UNITS = {"gravity": "m/s2", "base_rate": "rad/s", "base_acceleration": "rad/s2"}
@@ -154,17 +127,17 @@ _MIN_GRAVITY, _MAX_GRAVITY = 1.0, 30.0  # [m/s2] plausible gravity; beyond, it i
 
 def base_of(log: MotionLog) -> dict[str, Floats]:
     """Return gravity, angular velocity and angular acceleration of the base, (N, 3) each, if a log has them."""
-    found = {name: values for name in _BASE_UNITS if (values := _vector(log, name)) is not None}
+    signals = {name: values for name in _BASE_UNITS if (values := _vector(log, name)) is not None}
     for name, needed in (("base_rate", "gravity"), ("base_acceleration", "base_rate")):
-        if name in found and needed not in found:
+        if name in signals and needed not in signals:
             raise InputError(f'recording "{log.name}": has {name} and no {needed}: expected {needed}:x, :y and :z too')
-    if "gravity" in found:
-        size = float(np.median(np.linalg.norm(found["gravity"], axis=1)))
+    if "gravity" in signals:
+        size = float(np.median(np.linalg.norm(signals["gravity"], axis=1)))
         if not _MIN_GRAVITY < size < _MAX_GRAVITY:
             raise InputError(
                 f'recording "{log.name}": gravity has a size of {size:.3g}, expected m/s2, about 9.8; is it in g?'
             )
-    return found
+    return signals
 
 
 def _vector(log: MotionLog, name: str) -> Floats | None:
@@ -208,7 +181,7 @@ class Samples:
     history: FrictionHistory | None = None  # of the motion, for friction with memory; none at rest
     carried: Floats | None = None  # (N, n) torques of the links, on which load-dependent friction depends
     notes: tuple[str, ...] = ()  # on gaps in time, and on rows left out or resampled
-    has_rates: bool = True  # velocities were recorded
+    derived: Floats | None = None  # (N, 2, n) velocities and accelerations by positions, if velocities were recorded
     # cache: a key, and the links' regressor (N, n, 10 L); shared by copies of the same rows
     kept: list[tuple[tuple[Any, ...], Floats]] = field(default_factory=list, repr=False, compare=False)
 
@@ -217,7 +190,18 @@ class Samples:
 
     def rows(self, which: NDArray[np.bool_], name: str) -> "Samples":
         """Return a subset of the rows under another name."""
-        keys = ("q", "qd", "qdd", "tau", "known", "time", *["gravity"] * self.holds_gravity, "base", "carried")
+        keys = (
+            "q",
+            "qd",
+            "qdd",
+            "tau",
+            "known",
+            "time",
+            *["gravity"] * self.holds_gravity,
+            "base",
+            "carried",
+            "derived",
+        )
         chosen: dict[str, Any] = {key: values[which] for key in keys if (values := getattr(self, key)) is not None}
         if self.history is not None:
             chosen["history"] = replace(self.history, kept=self.history.kept[which])
@@ -264,7 +248,7 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
 
     Args:
         log, model, options: The recording with torques, the robot, and options of the identification.
-        within_limits: Refuse positions beyond the robot's limits.
+        within_limits: Refuse positions beyond the robot's limits, and velocities that do not belong to them.
 
     Raises:
         InputError: No torques or no time, positions beyond the limits, or parts too short for the filter.
@@ -302,17 +286,18 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
     rows = {key: np.concatenate([part[key][c : len(part[key]) - c] for part, c in pieces]) for key in parts[0]}
     recorded, made = sum(part.stop - part.start for part, _, _ in used), sum(len(even) for _, even, _ in used)
     notes = _notes(len(stretches) - len(used), gaps, (len(log), recorded, made, len(rows["q"])))
-    if log.qd is not None:
-        notes += check_rates(f'recording "{log.name}"', model, rows["derivative"], rows["qd"])
     q, qdd, time = rows["q"], rows["qdd"], rows["time"]
     known = known_torque(actuation, q) + known_rotors(model, options) * qdd
     rate = 1.0 / float(np.median(np.diff(time)))
     sections = _filter(settings, 2.0 * used[0][2] * settings.cutoff_hz)
     history = FrictionHistory(tuple((part["q"], part["qd"], c) for part, c in pieces), sections, np.arange(len(q)))
     motion = q, rows["qd"], qdd, rows["tau"] - known, known, time
-    of_base, has_rates = (rows.get("gravity", stated), rows.get("base")), log.qd is not None
+    of_base, derived = (rows.get("gravity", stated), rows.get("base")), rows.get("derived")
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
-    return Samples(log.name, *motion, independent, *of_base, history, notes=notes, has_rates=has_rates)
+    samples = Samples(log.name, *motion, independent, *of_base, history, notes=notes, derived=derived)
+    if within_limits:
+        check_velocities(f'recording "{log.name}"', model, samples)
+    return samples
 
 
 def _stretches(log: MotionLog, settings: SignalFilter) -> tuple[list[slice], Floats]:
@@ -370,8 +355,10 @@ def _segment(
         )
     sections, cut = _filter(settings, 2.0 * step * settings.cutoff_hz), _cut_rows(settings, step)
     made = {key: _filtered(sections, values, cut) for key, values in signals.items()}
-    made["derivative"] = np.gradient(made["q"], step, axis=0)
-    made["qdd"] = np.gradient(made.setdefault("qd", made["derivative"]), step, axis=0)
+    derivative = np.gradient(made["q"], step, axis=0)
+    if log.qd is not None:
+        made["derived"] = np.stack([derivative, np.gradient(derivative, step, axis=0)], axis=1)
+    made["qdd"] = np.gradient(made.setdefault("qd", derivative), step, axis=0)
     if (rate := made.get("base_rate")) is not None:
         turning = made["base_acceleration"] if "base_acceleration" in made else np.gradient(rate, step, axis=0)
         made["base"] = np.stack([rate, turning], axis=1)

@@ -46,7 +46,7 @@ class Mend:
     clock: tuple[str, ...] = ()
     shift: int = 0  # delay of the measurement in rows, of a recording without stamps
     time_unit: str = "s"  # of the stamps: s, ms, us, ns, min or ks
-    leave_out: tuple[str, ...] = ()  # "100:120" each: leave out rows 100 to 119
+    leave_out: tuple[str, ...] = ()  # "100:120" each: leave out rows 100 to 119; "qd": all velocities
 
     def __call__(self, log: MotionLog, trained: Mapping[str, Sequence[str]] | None = None) -> MotionLog:
         """Return the corrected log; its notes and `settled` state every step.
@@ -321,6 +321,8 @@ def _time_unit(log: MotionLog, unit: str) -> MotionLog:
 
 
 def _leave_out(log: MotionLog, text: str) -> MotionLog:
+    if text == "qd":
+        return replace(log, qd=None)
     ok = log.ok.copy()
     for part in text.split(","):
         first, _, last = part.partition(":")

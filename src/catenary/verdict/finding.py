@@ -27,6 +27,7 @@ _KINDS = (  # in the order of severity: by how much, and how surely, each makes 
     FindingKind("stamps", "time stamps that repeat, go back, or are in another unit than seconds"),
     FindingKind("swapped", "exchanged columns of joints"),
     FindingKind("sign", "a measurement, or a torque, of the wrong sign"),
+    FindingKind("velocities", "velocities that do not belong to their positions"),
     FindingKind("unrelated", "a measurement that follows no command"),
     FindingKind("copied", "a measurement that is the command itself"),
     FindingKind("mixed", "a measurement that is a sum of several joints' commands"),

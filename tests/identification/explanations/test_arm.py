@@ -40,7 +40,7 @@ def test_an_undeclared_gripper_is_a_body_of_its_own_and_gravity_is_that_of_both(
     robot = result.identification.robot()
     error = gravity_error(robot, OF["gripper"])
     assert np.mean(error) < 0.03  # [Nm], of 20 and more on J2, where noise has .7
-    assert error.max() < 0.06
+    assert error.max() < 0.06  # without priors 0.067 on J2, by the noise of 1 Nm and the motion (Cramer-Rao)
     assert robot.without_payload is not None
     assert robot.tree.mass.sum() - robot.without_payload.tree.mass.sum() == pytest.approx(body.mass)
     save_identification(result.identification, result.card, tmp_path / "arm.npz")

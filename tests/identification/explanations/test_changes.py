@@ -36,13 +36,13 @@ def heavier() -> Floats:
     return np.array(recorded(replace(ARM, tree=ARM.tree._replace(mass=inertia)), 0, noise=0.1).tau)
 
 
-def said(log: MotionLog) -> list[str]:
+def messages(log: MotionLog) -> list[str]:
     return [str(each) for each in torque_findings(ARM, prepare(log, ARM, PLAIN)) if each.name != "short"]
 
 
 def test_untouched_torques_are_not_doubted(run: MotionLog) -> None:
-    assert said(run) == []
-    assert said(recorded(ARM, 1)) == []  # to the last digit
+    assert messages(run) == []
+    assert messages(recorded(ARM, 1)) == []  # to the last digit
 
 
 @pytest.mark.parametrize(
@@ -56,12 +56,12 @@ def test_untouched_torques_are_not_doubted(run: MotionLog) -> None:
 def test_torques_that_change_along_a_recording_are_named(
     run: MotionLog, spoil: Callable[[Floats], Floats], name: str
 ) -> None:
-    (says,) = said(replace(run, tau=spoil(np.array(run.tau))))
+    (says,) = messages(replace(run, tau=spoil(np.array(run.tau))))
     assert re.match(name, says)
 
 
 def test_a_load_taken_up_on_the_way_is_named(run: MotionLog, heavier: Floats) -> None:
-    (says,) = said(replace(run, tau=np.where(LATER, heavier, np.array(run.tau))))
+    (says,) = messages(replace(run, tau=np.where(LATER, heavier, np.array(run.tau))))
     assert f"the load on {ARM.tip} changes at about 12" in says
 
 

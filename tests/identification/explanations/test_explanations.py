@@ -56,8 +56,8 @@ def test_causes_of_forty_recordings_are_told_and_no_wrong_one_is_advised(truths:
         explanation = explained(truth)
         if not is_right(truth, explanation):
             wrong.append(truth.name)
-            found = torque_findings(load_robot(truth.robot), samples_of(truth))
-            assert not any(finding.refuses for finding in found), truth.name
+            findings = torque_findings(load_robot(truth.robot), samples_of(truth))
+            assert not any(finding.refuses for finding in findings), truth.name
     assert len(wrong) <= 2, wrong
 
 
@@ -87,9 +87,9 @@ def test_a_gripper_is_a_note_with_its_mass() -> None:
     truth = OF["3 kg on a UR10e"]
     [finding] = torque_findings(load_robot(truth.robot), samples_of(truth))
     assert (finding.name, finding.refuses) == ("arm", False)
-    told = re.search(r": ([\d.]+) kg, standard deviation ([\d.]+)", finding.says)
-    assert told is not None
-    assert abs(float(told[1]) - 3.0) < 2.5 * float(told[2])
+    mass = re.search(r": ([\d.]+) kg, standard deviation ([\d.]+)", finding.says)
+    assert mass is not None
+    assert abs(float(mass[1]) - 3.0) < 2.5 * float(mass[2])
 
 
 def test_a_joint_that_stood_still_is_named() -> None:
@@ -125,18 +125,18 @@ def test_late_and_early_torques_are_told_with_their_time(rows: int) -> None:
 
 @pytest.mark.alike
 @pytest.mark.parametrize(
-    ("gravity", "said", "option"),
+    ("gravity", "message", "option"),
     [
         ((0.0, -9.81, 0.0), "on a wall, its y axis up", "0,-9.81,0"),
         ((0.0, 0.0, 9.81), "hangs from a ceiling", "0,0,9.81"),
         ((6.937, 0.0, -6.937), "turned by 4[3-7]", r"[67]\.\d"),
     ],
 )
-def test_the_mounting_that_fits_is_told(tmp_path: Path, gravity, said: str, option: str) -> None:
+def test_the_mounting_that_fits_is_told(tmp_path: Path, gravity, message: str, option: str) -> None:
     arm = load_urdf(write_ur10(tmp_path))
     [finding] = torque_findings(arm, prepare(ur10_log(0, gravity=gravity), arm, IdentifyOptions()))
     assert (finding.name, finding.refuses) == ("gravity", True)
-    assert re.search(said, finding.says)
+    assert re.search(message, finding.says)
     assert re.match(f"--gravity {option}", finding.remedy)
 
 

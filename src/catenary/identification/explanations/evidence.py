@@ -73,13 +73,13 @@ def _key(supposed: Supposed) -> tuple[object, ...]:
     return *supposed.motion, supposed.added, supposed.torque_order
 
 
-def _kept(found: dict[object, Found], key: object, make: Callable[[], Found], most: int = _KEPT_COLUMNS) -> Found:
+def _kept(cache: dict[object, Found], key: object, make: Callable[[], Found], limit: int = _KEPT_COLUMNS) -> Found:
     """Return the value of a key, made once; the oldest go where there are more."""
-    if key not in found:
-        found[key] = make()
-        if len(found) > most:
-            del found[next(iter(found))]
-    return found[key]
+    if key not in cache:
+        cache[key] = make()
+        if len(cache) > limit:
+            del cache[next(iter(cache))]
+    return cache[key]
 
 
 class _Gram(NamedTuple):
@@ -138,8 +138,8 @@ class Evidence:
 
     def over_spreads(self, supposed: Supposed) -> tuple[float, int]:
         """Return the log evidence over all spreads of the belief, and the index of the likeliest."""
-        found = [self.log(supposed, k) + weight for k, weight in enumerate(self.belief.log_weights)]
-        return float(np.logaddexp.reduce(found)), int(np.argmax(found))
+        logs = [self.log(supposed, k) + weight for k, weight in enumerate(self.belief.log_weights)]
+        return float(np.logaddexp.reduce(logs)), int(np.argmax(logs))
 
     @property
     def shown(self) -> int:
@@ -151,13 +151,13 @@ class Evidence:
         links = _kept(self._links, supposed.motion, lambda: self.rows.links(supposed) @ self.rows.shown)
         key = _key(supposed)
         if not supposed.added and not self.rows.has_springs:  # as zeros and gravity change links' columns alone
-            key = supposed.signs, supposed.position_order, supposed.shared, supposed.torque_order
-        found, beside, own = _kept(self._beside, key, lambda: self.rows.beside(supposed))
+            key = supposed.signs, supposed.position_order, supposed.shared, supposed.torque_order, supposed.derived
+        terms, prior, own = _kept(self._beside, key, lambda: self.rows.beside(supposed))
         known, n = self.rows.known, self.model.n
         if not known.any():
-            return side_by_side([links, found]), beside, own
-        beside = beside.and_columns([1.0] * n, [_KNOWN_STD] * n)
-        return side_by_side([links, found, known[:, :, None] * np.eye(n)]), beside, own
+            return side_by_side([links, terms]), prior, own
+        prior = prior.and_columns([1.0] * n, [_KNOWN_STD] * n)
+        return side_by_side([links, terms, known[:, :, None] * np.eye(n)]), prior, own
 
     def _gram(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats, Floats]:
         """Return the Gram matrix of the columns, their products with torques (n, p), and the torques' squares (n,)."""
@@ -173,12 +173,12 @@ class Evidence:
 
     def _joint_columns(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats]:
         """Return the Gram matrix of the columns, and them by joint (n, N, p)."""
-        X, beside, own = self.columns(supposed)
+        X, prior, own = self.columns(supposed)
         if extra:
             X = side_by_side([X, np.stack([term.column for term in extra], axis=2)])
-            beside = beside.and_columns([term.mean for term in extra], [term.std for term in extra])
+            prior = prior.and_columns([term.mean for term in extra], [term.std for term in extra])
         by_joint = np.ascontiguousarray(X.transpose(1, 0, 2))
-        return _Gram(by_joint.transpose(0, 2, 1) @ by_joint, beside, own), by_joint
+        return _Gram(by_joint.transpose(0, 2, 1) @ by_joint, prior, own), by_joint
 
     def _prior(self, which: int, loads: tuple[int, ...]) -> tuple[Floats, Floats, Floats, float]:
         """Return mean, precision, variances and log determinant of the covariance of the belief's parameters."""
@@ -204,9 +204,9 @@ class Evidence:
         """Combinations (k, m) of the belief's parameters that torques can show."""
         V, size = self.rows.shown, len(self.belief.mean)
         (k, r) = V.shape
-        found = np.eye(size, r + size - k, r - k)
-        found[:k] = np.hstack([V, np.zeros((k, size - k))])
-        return found
+        matrix = np.eye(size, r + size - k, r - k)
+        matrix[:k] = np.hstack([V, np.zeros((k, size - k))])
+        return matrix
 
     def precision(self, which: int) -> Floats:
         """Return the inverse covariance (m, m) of the belief's parameters that torques can show."""
@@ -304,10 +304,10 @@ class Evidence:
             value -= 0.5 * _NOISE_DEGREES * float(np.sum(np.log(variance / least**2) + least**2 / variance))
         return float(value), beta, C, rss, size, w
 
-    def _braking(self, beside: Beside, mean: Floats, covariance: Floats) -> float:
+    def _braking(self, prior: Beside, mean: Floats, covariance: Floats) -> float:
         """Return the sum over joints of the log probability that friction dissipates power."""
-        tail = len(mean) - len(beside.power)
-        powers = np.where(beside.joint == np.arange(self.model.n)[:, None], beside.power, 0.0)
+        tail = len(mean) - len(prior.power)
+        powers = np.where(prior.joint == np.arange(self.model.n)[:, None], prior.power, 0.0)
         powers = powers[powers.any(axis=1)]
         stds = np.sqrt(np.sum(powers @ covariance[tail:, tail:] * powers, axis=1))
         return float(np.sum(np.logaddexp(log_ndtr(powers @ mean[tail:] / stds), _DRIVING_LOG)))

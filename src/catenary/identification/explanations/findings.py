@@ -86,7 +86,7 @@ def find_explanation(evidence: Evidence, settled: Collection[str] = ()) -> Expla
 def _ranked(trial: Trial, debt: float, settled: Collection[str]) -> list[tuple[float, Hypothesis, PossibleCause, int]]:
     """Return the best candidates with their evidence over all spreads, less prices, best first."""
     knows, identified = trial.evidence.belief.knows_masses, len(trial.evidence.belief.covariances) == 1
-    found = []
+    candidates = []
     for hypothesis in HYPOTHESES.values():
         if (
             hypothesis.name not in settled
@@ -94,10 +94,10 @@ def _ranked(trial: Trial, debt: float, settled: Collection[str]) -> list[tuple[f
             and hypothesis.by_identification <= identified
         ):
             price = hypothesis.price(trial.n)
-            found += [(c.log_evidence - price, hypothesis, c) for c in hypothesis.candidates(trial)]
-    found.sort(key=lambda each: -each[0])
+            candidates += [(c.log_evidence - price, hypothesis, c) for c in hypothesis.candidates(trial)]
+    candidates.sort(key=lambda each: -each[0])
     weighed = []
-    for value, hypothesis, candidate in found[:_WEIGHED]:
+    for value, hypothesis, candidate in candidates[:_WEIGHED]:
         whole, which = trial.evidence.over_spreads(candidate.supposed)
         here = trial.log(candidate.supposed)
         weighed.append((whole + value - here - debt, hypothesis, candidate, which))
@@ -129,7 +129,7 @@ def explained_torques(
     evidence = Evidence(model, samples)
     explanation = find_explanation(evidence, settled)
     unseen = unseen_joints(evidence, explanation.supposed)
-    findings = [*_told(evidence, explanation), *(_unseen(name) for name in unseen)]
+    findings = [*_told(evidence, explanation, unseen), *(_unseen(name) for name in unseen)]
     return findings, evidence, explanation.supposed
 
 
@@ -148,25 +148,34 @@ def findings_against(result: Identification, samples: Samples) -> list[Finding]:
     return _told(evidence, find_explanation(evidence))
 
 
-def _told(evidence: Evidence, explanation: ExplainedRecording) -> list[Finding]:
-    return [_finding(evidence, explanation, cause) for cause in explanation.causes]
+def _told(evidence: Evidence, explanation: ExplainedRecording, unseen: Collection[str] = ()) -> list[Finding]:
+    return [_finding(evidence, explanation, cause, unseen) for cause in explanation.causes]
 
 
-def _finding(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) -> Finding:
+def _finding(
+    evidence: Evidence, explanation: ExplainedRecording, cause: Cause, unseen: Collection[str] = ()
+) -> Finding:
     hypothesis, candidate = cause.hypothesis, cause.candidate
     names = tuple(evidence.model.joint_names[i] for i in candidate.joints)
     says = f"{candidate.says}{_of_load(evidence, explanation, cause)}; log evidence +{cause.gain:.0f}"
     if hypothesis.of_arm or not hypothesis.mended:
-        culprit = "it is identified with the arm" if hypothesis.of_arm else ""
+        with_arm = hypothesis.of_arm and len(evidence.belief.covariances) > 1  # not yet identified
+        culprit = "it is identified with the arm" if with_arm else ""
         return Finding(hypothesis.finding, names, says + _rivals(cause), culprit, refuses=False)
     alike = all(not kind.of_arm and kind.mended and rival.joints == candidate.joints for _, kind, rival in cause.rivals)
     whose = list(candidate.joints) or list(range(evidence.model.n))
     sound = bool((explanation.fit.relative[whose] < _POOR).all()) and explanation.fit.implausible < _IMPLAUSIBLE
-    refuses = sound and alike and candidate.error < UNSURE
+    moved = len(names) == evidence.model.n or not set(names) & set(unseen)
+    refuses = sound and alike and moved and candidate.error < UNSURE
     remedies = [_option(evidence, c.remedy) for c in (candidate, *(c for _, _, c in cause.rivals))] if refuses else []
     if not refuses:
-        unsure = "its number is not sure" if candidate.error >= UNSURE else ""
-        says += f"; nothing is advised: {unsure or ('it explains too little' if alike else 'see rivals')}"
+        reasons = {
+            "its number is not sure": candidate.error >= UNSURE,
+            "see rivals": not alike,
+            "too little motion to tell": not moved,
+            "it explains too little": True,
+        }
+        says += f"; nothing is advised: {next(reason for reason, holds in reasons.items() if holds)}"
     return Finding(hypothesis.finding, names, says + _rivals(cause), "", " or ".join(remedies), refuses=refuses)
 
 
@@ -177,7 +186,7 @@ def _rivals(cause: Cause) -> str:
 
 def _option(evidence: Evidence, remedy: str) -> str:
     """Return a remedy with what velocities need, if they were recorded."""
-    return re.sub(r"\{rates:(.*?)\}", r" \1" if evidence.rows.samples.has_rates else "", remedy)
+    return re.sub(r"\{rates:(.*?)\}", r" \1" if evidence.rows.samples.derived is not None else "", remedy)
 
 
 def _of_load(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) -> str:
@@ -197,7 +206,7 @@ def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
     rng, n = np.random.default_rng(0), model.n
     reach = np.maximum(np.ptp(samples.q, axis=0) / 2.0, _USUAL_RANGE)
     q = samples.q.mean(axis=0) + rng.uniform(-1.0, 1.0, (_USUAL_ROWS, n)) * reach
-    rates = [np.sqrt(np.mean(values**2, axis=0)) for values in (samples.qd, samples.qdd)]
+    rates = [np.sqrt(np.mean(values**2, axis=0)) for values in evidence.rows.motion(supposed)[1:]]
     qd, qdd = (rng.normal(size=q.shape) * np.maximum(rate, 0.5 * np.median(rate)) for rate in rates)
     zero, time = np.zeros_like(q), np.arange(float(_USUAL_ROWS))
     gravity = samples.gravity.mean(axis=0) if samples.holds_gravity else samples.gravity
@@ -221,15 +230,15 @@ def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | No
     if len(days) < 2:
         evidences = [(day.name, Evidence(model, day, belief)) for day in days if belief is not None]
         return [(name, finding) for name, own in evidences for finding in _told(own, find_explanation(own))]
-    found, middle = [], len(days) // 2
+    findings, middle = [], len(days) // 2
     for own, others in ((days[:middle], days[middle:]), (days[middle:], days[:middle])):
         shown = belief
         for other in others:
             of_other = Evidence(model, other, shown)
             _, which = of_other.over_spreads(of_other.plain)
             shown = posterior(of_other, of_other.fit(of_other.plain, which), which)
-        found += day_findings(model, own, shown)
-    return found
+        findings += day_findings(model, own, shown)
+    return findings
 
 
 def posterior(evidence: Evidence, fit: Fit, which: int = 0) -> Belief:
@@ -248,7 +257,7 @@ def posterior(evidence: Evidence, fit: Fit, which: int = 0) -> Belief:
 
 
 def arm_as_found(
-    model: RobotModel, found: Sequence[tuple[Evidence, Supposed]]
+    model: RobotModel, recordings: Sequence[tuple[Evidence, Supposed]]
 ) -> tuple[RobotModel, tuple[CarriedBody, ...]]:
     """Return a robot with what explains its recordings, and the bodies that are part of its masses now.
 
@@ -257,13 +266,13 @@ def arm_as_found(
         found: Each recording's evidence, and what it supposes. A drive is taken from any of them; a body only where all
             carry one on the same link, as masses would be those of one recording otherwise.
     """
-    drives = dict.fromkeys(drive for _, supposed in found for drive in supposed.shared)
+    drives = dict.fromkeys(drive for _, supposed in recordings for drive in supposed.shared)
     for drive in drives:
         model = _with_shared_drive(model, *drive)
     bodies = list[CarriedBody]()
-    for link in found[0][1].loads if found else ():
-        if all(link in supposed.loads for _, supposed in found):
-            shown = [load_body(evidence, supposed, link) for evidence, supposed in found]
+    for link in recordings[0][1].loads if recordings else ():
+        if all(link in supposed.loads for _, supposed in recordings):
+            shown = [load_body(evidence, supposed, link) for evidence, supposed in recordings]
             body, std = np.mean([each for each, _ in shown], axis=0), max(std for _, std in shown)
             if body[0] > _LEAST_SIGMAS * std:
                 bodies.append(_carried_body(model, link, body))

@@ -476,6 +476,19 @@ def _delay(trial: Trial) -> Iterator[PossibleCause]:
             yield PossibleCause(put(u, whose), value, says, joints)
 
 
+def _velocities(trial: Trial, mended: bool) -> Iterator[PossibleCause]:
+    supposed = trial.supposed
+    for fault in trial.evidence.rows.velocity_faults if supposed.derived is None else ():
+        if bool(fault.remedy) == mended:
+            derived, joints = replace(supposed, derived=fault.joints), fault.joints if mended else ()
+            yield trial.cause(derived, fault.says, joints, fault.remedy, price=-fault.gain)
+            if len(joints) == 1 and fault.remedy.startswith("--sign"):
+                [i] = joints
+                flipped = derived.with_one("signs", i, -derived.signs[i])
+                says = f"positions of {trial.names[i]} count the other way, its velocities do not"
+                yield trial.cause(flipped, says, joints, f"--sign q_nominal:{trial.names[i]}", price=-fault.gain)
+
+
 def _of_joint(n: int) -> float:
     return float(np.log(3.0 * n))
 
@@ -501,5 +514,7 @@ _ALL = (
     Hypothesis("swapped", "swapped", lambda n: float(np.log(2.0 * n * (n - 1.0))) + 1.0, _swapped),
     Hypothesis("shared drive", "arm", lambda n: float(np.log(4.0 * n)), _shared_drive, of_arm=True),
     Hypothesis("delay", "delay", lambda n: 1.5, _delay, mended=False),
+    Hypothesis("velocities", "velocities", lambda n: 0.0, lambda t: _velocities(t, True)),
+    Hypothesis("late velocities", "velocities", lambda n: 0.0, lambda t: _velocities(t, False), mended=False),
 )
 HYPOTHESES = {hypothesis.name: hypothesis for hypothesis in _ALL}

@@ -141,14 +141,14 @@ def weigh_loads(
         start = loaded[0].belief
         # without recordings of the day nothing but the load tells links apart
         bare = None if empty else [_chain(recordings, start, kind)[0] for kind in others]
-        found = [_weighed(recordings, empty, others, bare, *place) for place in places]
-    evidence = np.array([np.logaddexp.reduce(load.logs) for load in found]) - _LOAD_PRICE
-    nothing = float(np.logaddexp.reduce([np.logaddexp.reduce(load.without) for load in found]))
+        loads = [_weighed(recordings, empty, others, bare, *place) for place in places]
+    evidence = np.array([np.logaddexp.reduce(load.logs) for load in loads]) - _LOAD_PRICE
+    nothing = float(np.logaddexp.reduce([np.logaddexp.reduce(load.without) for load in loads]))
     some = float(np.logaddexp.reduce(evidence))
     shares = np.exp(evidence - some)
-    order = sorted(range(len(found)), key=lambda k: -shares[k])
+    order = sorted(range(len(loads)), key=lambda k: -shares[k])
     sure = float(np.exp(some - np.logaddexp(some, nothing)))
-    return Loads(tuple(found[k] for k in order), tuple(float(shares[k]) for k in order), tuple(order), sure)
+    return Loads(tuple(loads[k] for k in order), tuple(float(shares[k]) for k in order), tuple(order), sure)
 
 
 def _weighed(
@@ -212,11 +212,11 @@ def _point(load: Floats, u: Floats, covariance: Floats, reach: float) -> tuple[f
     def misfit(x: Floats) -> Floats:
         return np.concatenate([np.dot(R, body(x) / sizes) - z, x[1:]])
 
-    found, bounds = [], ([low, *[-np.inf] * 3], [high, *[np.inf] * 3])
+    solutions, bounds = [], ([low, *[-np.inf] * 3], [high, *[np.inf] * 3])
     for log_mass in np.linspace(low + 1e-6, high - 1e-6, _POINT_STARTS):
         place = np.clip(sizes[1:4] * u[1:4] / np.exp(log_mass) / reach, -2.0, 2.0)
-        found.append(least_squares(misfit, [log_mass, *place], bounds=bounds, max_nfev=_POINT_STEPS))
-    best = min(found, key=lambda each: float(each.cost))
+        solutions.append(least_squares(misfit, [log_mass, *place], bounds=bounds, max_nfev=_POINT_STEPS))
+    best = min(solutions, key=lambda each: float(each.cost))
     jac = np.asarray(best.jac)
     H = jac.T @ jac + np.diag([12.0 / (high - low) ** 2, 0.0, 0.0, 0.0])
     ways = np.column_stack([(body(best.x + step) - body(best.x - step)) / 2e-5 for step in 1e-5 * np.eye(4)])

@@ -42,10 +42,10 @@ class Belief:
 
     def covariance(self, which: int) -> Floats:
         """Return one covariance, with the bodies that links carry."""
-        found = self.covariances[which].copy()
+        total = self.covariances[which].copy()
         for link, load in self.bodies:
-            found[self.own(link), self.own(link)] += load @ load.T
-        return found
+            total[self.own(link), self.own(link)] += load @ load.T
+        return total
 
     def own(self, link: int) -> slice:
         """Return the slice of a link's parameters."""

@@ -18,6 +18,7 @@ from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.identification.base_parameters import Parameters, recorded_load
 from catenary.identification.identification import ROTOR_SHARE
 from catenary.identification.samples import Samples
+from catenary.identification.velocities import VelocityFault, velocity_faults
 from catenary.robots.model import RobotModel
 from catenary.spatial import STANDARD_GRAVITY
 
@@ -55,12 +56,13 @@ class Supposed:
     loads: tuple[int, ...] = ()  # links that carry a body which the prior of masses lacks
     shared: tuple[tuple[int, int, float], ...] = ()  # joints on one drive, and the sign of the second
     added: tuple[Added, ...] = ()
+    derived: tuple[int, ...] | None = None  # joints whose velocities are those of the positions, if it is known
     turned: tuple[tuple[int, float], ...] = ()  # joints whose torque has the other sign, and from when on [s]
 
     @property
     def motion(self) -> tuple[Any, ...]:
         """What decides on the columns of the regressor."""
-        return self.signs, self.zeros, self.position_order, self.gravity, self.shared
+        return self.signs, self.zeros, self.position_order, self.gravity, self.shared, self.derived
 
     def with_one(self, field: str, joint: int, value: float) -> "Supposed":
         """Return the supposition with another number for one joint."""
@@ -122,6 +124,14 @@ class Rows:
         return len(self.at)
 
     @cached_property
+    def velocity_faults(self) -> list[VelocityFault]:
+        """What is likelier than sound velocities."""
+        if (derived := self.samples.derived) is None:
+            return []
+        faults = velocity_faults(self.model, self.samples.qd, derived[:, 0], self.step)
+        return [fault for fault in faults if fault.gain > 0.0]
+
+    @cached_property
     def shown(self) -> Floats:
         """The combinations (L, r) of the links' parameters that torques can show, under any gravity."""
         rng, n = np.random.default_rng(0), self.model.n
@@ -139,6 +149,10 @@ class Rows:
         """Return the arm's positions, velocities and accelerations (N, n)."""
         order, sign = list(supposed.position_order), np.array(supposed.signs)
         q, qd, qdd = (getattr(self.samples, key)[self.at][:, order] * sign for key in ("q", "qd", "qdd"))
+        if supposed.derived and self.samples.derived is not None:
+            joints = list(supposed.derived)
+            derived = self.samples.derived[self.at][:, :, order] * sign
+            qd[:, joints], qdd[:, joints] = derived[:, 0, joints], derived[:, 1, joints]
         return q - np.array(supposed.zeros), qd, qdd
 
     def links(self, supposed: Supposed) -> Floats:
@@ -164,13 +178,16 @@ class Rows:
     def term_loads(self, supposed: Supposed) -> Floats:
         """Return the loads (N, t) of the robot file's friction, rotors and springs, as friction remembers its path."""
         terms = self.parameters.actuation
-        key = (supposed.signs, supposed.position_order, supposed.zeros if self.has_springs else ())
+        joints = list(supposed.derived or ())
+        key = supposed.signs, supposed.position_order, supposed.derived, supposed.zeros if self.has_springs else ()
         if key not in self._friction:
             order, sign = list(supposed.position_order), np.array(supposed.signs)
             few = self.samples.rows(np.isin(np.arange(len(self.samples)), self.at), self.samples.name)
             history, smooth = few.history, self.model.assumed_actuation.coulomb_velocity
             if history is not None:
                 segments = [(q[:, order] * sign, qd[:, order] * sign, cut) for q, qd, cut in history.segments]
+                for q, qd, _ in segments:
+                    qd[:, joints] = np.gradient(q[:, joints], self.step, axis=0)
                 history = replace(history, segments=tuple(segments))
             q, qd, qdd = self.motion(supposed)
             few = replace(few, q=q, qd=qd, qdd=qdd, history=history)
@@ -184,12 +201,12 @@ class Rows:
         carried = np.abs(self.carried[:, list(supposed.torque_order)])
         n, (_, qd, qdd) = self.model.n, self.motion(supposed)
         size, eye = self.size[list(supposed.torque_order)], np.eye(n)
-        found = list[tuple[Floats, float, float, int, float]]()  # column, mean, deviation, joint, power
+        entries = list[tuple[Floats, float, float, int, float]]()  # column, mean, deviation, joint, power
 
         def add(load: Floats, along: Floats, share: float, mean: float = 0.0, rubs: bool = False) -> None:
             joint = int(np.argmax(np.abs(along)))
             power = float(np.mean(load * (qd @ along))) if rubs else 0.0
-            found.append((load[:, None] * along, mean * share * size[joint], share * size[joint], joint, power))
+            entries.append((load[:, None] * along, mean * share * size[joint], share * size[joint], joint, power))
 
         terms = self.parameters.actuation
         for term, load in zip(terms, self.term_loads(supposed).T, strict=True):
@@ -215,11 +232,11 @@ class Rows:
                 for load in (np.tanh(rate / slow[i]), rate):
                     add(load, along, _SHARED_SHARE / _spread(load), rubs=True)
                 crossed = qdd[:, [j]] * eye[i] + qdd[:, [i]] * eye[j]
-                found.append((crossed, 0.0, _SHARED_ROTOR_SHARE * size[i] / _spread(qdd[:, j]), i, 0.0))
+                entries.append((crossed, 0.0, _SHARED_ROTOR_SHARE * size[i] / _spread(qdd[:, j]), i, 0.0))
         for one in supposed.added:
             for column, std in zip(self.added(one, supposed).transpose(2, 0, 1), one.sizes, strict=True):
-                found.append((column, 0.0, std, one.joint, 0.0))
-        columns, *prior = zip(*found, strict=True)
+                entries.append((column, 0.0, std, one.joint, 0.0))
+        columns, *prior = zip(*entries, strict=True)
         return np.stack(columns, axis=2), Beside(*map(np.array, prior)), len(terms)
 
     def added(self, one: Added, supposed: Supposed) -> Floats:
