@@ -42,12 +42,12 @@ def dvrk_coverage(recording: str, kind: str, others: Sequence[str], data: Path) 
     trained = fit_logs([log_of(recording, data)], KINDS[kind], FitRun(held_out=HELD_OUT, max_error=limit_of(recording)))
     if trained.held_out is None:
         raise AssertionError("a held-out share gives an evaluation")
-    found = {LATER: _found(trained.held_out)}
+    by_test = {LATER: _found(trained.held_out)}
     for name in others:
         log = log_of(name, data)
         rows = calibration_data([log], trained.model.features, max_error=error_limits(limit_of(name), log))
-        found[name] = _found(evaluate(trained.model, rows))
-    return found
+        by_test[name] = _found(evaluate(trained.model, rows))
+    return by_test
 
 
 @run(revision=2)
@@ -62,12 +62,12 @@ def raven_coverage(seed: int | None, kind: str, seconds: float, pause: float) ->
         log = random_log(plant, draws(seed, number), length)
         return _found(evaluate(trained.model, calibration_data([log], trained.model.features)))
 
-    found = {LATER: _found(trained.held_out), "motion right after": tested(1)}
+    by_test = {LATER: _found(trained.held_out), "motion right after": tested(1)}
     random_log(plant, draws(seed, 2), pause)
-    found["an hour of motion later"] = tested(3)
+    by_test["an hour of motion later"] = tested(3)
     plant.home()
-    found["after homing again"] = tested(4)
-    return found
+    by_test["after homing again"] = tested(4)
+    return by_test
 
 
 def _found(evaluation: Evaluation) -> Plain:
@@ -100,16 +100,16 @@ def cases(scope: Scope) -> list[Case]:
 def report(o: Outcomes) -> Report:
     """Return tables of shares held and half-widths: later, elsewhere, and on the simulated robot."""
     later, elsewhere, raven = [], [], []
-    for told, result in o.items(dvrk_coverage):
-        for test, found in result.items():
-            row = [told["recording"], *([] if test == LATER else [test]), told["kind"], *_cells(found)]
+    for arguments, result in o.items(dvrk_coverage):
+        for test, coverage in result.items():
+            row = [arguments["recording"], *([] if test == LATER else [test]), arguments["kind"], *_cells(coverage)]
             if test == LATER:
                 later.append(row)
-            elif told["recording"] in TRAININGS and told["kind"] == "learned":
-                elsewhere.append([told["recording"], test, *_cells(found)])
-    for told, result in o.items(raven_coverage):
-        robot = "nominal" if told["seed"] is None else f"{told['seed']}"
-        raven += [[robot, told["kind"], test, *_cells(found)] for test, found in result.items()]
+            elif arguments["recording"] in TRAININGS and arguments["kind"] == "learned":
+                elsewhere.append([arguments["recording"], test, *_cells(coverage)])
+    for arguments, result in o.items(raven_coverage):
+        robot = "nominal" if arguments["seed"] is None else f"{arguments['seed']}"
+        raven += [[robot, arguments["kind"], test, *_cells(coverage)] for test, coverage in result.items()]
     end = [*DVRK_UNITS, "outside"]
     tables = [
         table("Real arm: later blocks of the same recording", ["fitted to", "model", *end], later),
@@ -119,25 +119,25 @@ def report(o: Outcomes) -> Report:
     return Report(filled(tables), {}, _remarks(o))
 
 
-def _cells(found: Plain) -> list[str]:
+def _cells(coverage: Plain) -> list[str]:
     cells = [
         f"{100.0 * held:.0f} %{FLAGS[verdict]} ± {width:.3g}"
-        for held, width, verdict in zip(found["held"], found["half_width"], found["verdict"], strict=True)
+        for held, width, verdict in zip(coverage["held"], coverage["half_width"], coverage["verdict"], strict=True)
     ]
-    return [*cells, f"{100.0 * found['outside']:.0f} %"]
+    return [*cells, f"{100.0 * coverage['outside']:.0f} %"]
 
 
 def _remarks(o: Outcomes) -> list[str]:
-    told = (
+    legend = (
         "Share of errors held by intervals that are to hold 90 %, and their median half-width; `!` too narrow, `?` "
         "below 85 % where blocks of time are too few to exclude chance; last the share of rows outside the valid range."
     )
     later = [result[LATER] for _, result in o.items(dvrk_coverage)]
-    others = [found for _, result in o.items(dvrk_coverage) for test, found in result.items() if test != LATER]
-    remarks = [told]
+    others = [coverage for _, result in o.items(dvrk_coverage) for test, coverage in result.items() if test != LATER]
+    remarks = [legend]
     for words, tests in (("later blocks of the same recording", later), ("other recordings", others)):
-        shares = [share for found in tests for share in found["held"]]
-        verdicts = [verdict for found in tests for verdict in found["verdict"]]
+        shares = [share for coverage in tests for share in coverage["held"]]
+        verdicts = [verdict for coverage in tests for verdict in coverage["verdict"]]
         if shares:
             within = sum(0.85 <= share <= 0.95 for share in shares)
             remarks.append(
