@@ -36,7 +36,7 @@ DVRK_UNITS = ("J1 [deg]", "J2 [deg]", "J3 [mm]", "J4 [deg]", "J5 [deg]", "J6 [de
 FLAGS = {"held": "", "below, which may be chance": "?", "too narrow": "!"}
 
 
-@run(revision=2)
+@run(revision=3)
 def dvrk_coverage(recording: str, kind: str, others: Sequence[str], data: Path) -> Result:
     """Fit a kind to the first part of a recording; return, by test, shares held, half-widths and verdicts."""
     trained = fit_logs([log_of(recording, data)], KINDS[kind], FitRun(held_out=HELD_OUT, max_error=limit_of(recording)))
