@@ -190,12 +190,9 @@ def expected(
             shares = np.array([held[errors.stretch == k].mean(axis=0) for k in np.unique(errors.stretch)])
             return shares.mean(axis=0), times(shares)
 
-        (share, off), (held_most, above) = (
-            held(intervals),
-            held(unseen.in_intervals(intervals) if unseen else intervals),
-        )
+        (share, off), (upper, above) = held(intervals), held(unseen.in_intervals(intervals) if unseen else intervals)
         names += ["held_low", "held_high"]
-        stated += [np.maximum(share - off, 0.0), np.minimum(np.maximum(share + off, held_most + above), 1.0)]
+        stated += [np.maximum(share - off, 0.0), np.minimum(np.maximum(share + off, upper + above), 1.0)]
     of_joints: list[list[Any]] = np.array(stated).T.tolist()
     return tuple(
         replace(s, **dict(zip(names, numbers, strict=True))) for s, numbers in zip(spread, of_joints, strict=True)

@@ -69,14 +69,14 @@ def find_friction(recordings: Recordings, options: FitOptions, *, held_out: floa
         if not joints:
             return None
         errors_of = _Errors(rows, joints)
-        coupling, alone = _searched(errors_of, len(joints))
-        after = errors_of(coupling)
+        least, alone = _searched(errors_of, len(joints))
+        after = errors_of(least)
         before = min(errors_of.of_play, errors_of(alone), key=lambda errors: float(np.log(errors).mean()))
         if options.coupled is None and not is_gain(before, after, _MIN_COUPLING_LOG_GAIN):
             return None
     unit = rows.ranges[list(joints)]
     states = coupled_friction(
-        unit[:, None] * coupling.lever * unit, coupling.directions / unit, coupling.thresholds, coupling.longest * unit
+        unit[:, None] * least.lever * unit, least.directions / unit, least.thresholds, least.longest * unit
     )
     names = tuple(rows.joint_names[j] for j in joints)
     return FoundFriction(
