@@ -65,9 +65,9 @@ def latencies(sparsity: float, seconds: float, every: int) -> Result:
     options: Mapping[str, FitOptions] = {OFFSET: FitOptions(kind="offset", inputs=SIXTEEN), **METHODS}
     for name, each in options.items():
         calls[name] = _tick(fitted([learned], each), log)
-    times = {name: _microseconds(call) for name, call in calls.items()}
-    times[UKF] = times[UKF_TOLD] = _microseconds(lambda: kalman.correction(motion)) / len(motion)
-    return {name: round(value, 3) for name, value in times.items()}
+    durations = {name: _microseconds(call) for name, call in calls.items()}
+    durations[UKF] = durations[UKF_TOLD] = _microseconds(lambda: kalman.correction(motion)) / len(motion)
+    return {name: round(value, 3) for name, value in durations.items()}
 
 
 def _tick(model: CalibrationModel, log: MotionLog) -> Callable[[], None]:
@@ -139,13 +139,13 @@ def report(o: Outcomes) -> Report:
     names = present(o)
     if not names:
         return Report()
-    text = sentence({name: (*left(o, name), timed[name]) for name in names})
-    return Report([table(title, header, rows(row, names))], {caption: _picture(o)}, [text])
+    remark = sentence({name: (*left(o, name), timed[name]) for name in names})
+    return Report([table(title, header, rows(row, names))], {caption: _picture(o)}, [remark])
 
 
-def sentence(methods: dict[str, Sequence[float]]) -> str:
+def sentence(by_method: dict[str, Sequence[float]]) -> str:
     """Return what the numbers say in a sentence: by method, what is left in hours 0 and 5 [%] and the time [us]."""
-    learned = {name: values for name, values in methods.items() if name != OFFSET}
+    learned = {name: values for name, values in by_method.items() if name != OFFSET}
     first, last = (min(learned, key=lambda name, k=k: learned[name][k]) for k in (0, 1))  # type: ignore[misc]
     lost = [values[1] - values[0] for values in learned.values()]
     fast = [name for name, values in learned.items() if values[2] < SERVO]

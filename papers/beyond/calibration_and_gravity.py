@@ -148,9 +148,9 @@ def _followed(
     def observe(tick: Tick) -> None:
         if tick.time >= begin and tick.tau is not None:
             q = arm.q_true()
-            errors = (tick.reference.q - tick.q_nominal, tick.reference.q - q, controller.feedback.copy())
+            row = (tick.reference.q - tick.q_nominal, tick.reference.q - q, controller.feedback.copy())
             wrong = controller.feedforward - true_gravity.torque(tick.state._replace(q=q), tick.reference)
-            rows.append((*errors, tick.tau, wrong))
+            rows.append((*row, tick.tau, wrong))
 
     done = run_loop(
         arm.plant, controller, motion, limits=arm.limits(), rate_hz=1.0 / plant.period,
@@ -223,8 +223,8 @@ def measured(o: Outcomes, base: str, controller: str, what: str) -> Floats:
 
 def drift(o: Outcomes, controller: str, angle: float) -> Floats:
     """Return how far held joints went on a base at an angle [deg], (robots, 3) [deg, deg, mm]."""
-    runs = [(args["angles_deg"], result[controller]) for args, result in o.items(held)]
-    there = [each[angles.index(angle)] for angles, each in runs if angle in angles]
+    drifts = [(arguments["angles_deg"], result[controller]) for arguments, result in o.items(held)]
+    there = [each[angles.index(angle)] for angles, each in drifts if angle in angles]
     if not there:
         raise Missing(f"{angle} deg")
     return by_robot(there)
@@ -257,18 +257,18 @@ def report(o: Outcomes) -> Report:
 
 def _tracking(o: Outcomes, base: str, name: str) -> list[str]:
     digits = {"pd_share": 1, "reported": 3, "true": 3, "gravity": 3}
-    texts = ("; ".join(cells(measured(o, base, name, what), count)) for what, count in digits.items())
-    return [base, name, *texts, f"{100.0 * measured(o, base, name, 'outside').max(axis=1).mean():.0f}"]
+    columns = ("; ".join(cells(measured(o, base, name, what), count)) for what, count in digits.items())
+    return [base, name, *columns, f"{100.0 * measured(o, base, name, 'outside').max(axis=1).mean():.0f}"]
 
 
 def _holding(o: Outcomes, angle: float) -> list[str]:
-    pairs = (zip(drift(o, name, angle).T, UNITS, strict=True) for name in HOLDS)
-    return [f"{angle:.0f}", *("; ".join(f"{v.mean():.3f} ({v.max():.3f}) {u}" for v, u in each) for each in pairs)]
+    columns = (zip(drift(o, name, angle).T, UNITS, strict=True) for name in HOLDS)
+    return [f"{angle:.0f}", *("; ".join(f"{v.mean():.3f} ({v.max():.3f}) {u}" for v, u in each) for each in columns)]
 
 
 def _calibration(o: Outcomes, training: str, torque: str, model: str) -> list[str]:
-    texts = ("; ".join(cells(tilted.errors(o, training, torque, base, model))) for base in BASES)
-    return [training, TORQUES[torque], model, *texts]
+    columns = ("; ".join(cells(tilted.errors(o, training, torque, base, model))) for base in BASES)
+    return [training, TORQUES[torque], model, *columns]
 
 
 def _remarks(o: Outcomes) -> list[str]:

@@ -36,18 +36,18 @@ DVRK_UNITS = ("J1 [deg]", "J2 [deg]", "J3 [mm]", "J4 [deg]", "J5 [deg]", "J6 [de
 FLAGS = {"held": "", "below, which may be chance": "?", "too narrow": "!"}
 
 
-@run(revision=2)
+@run(revision=3)
 def dvrk_coverage(recording: str, kind: str, others: Sequence[str], data: Path) -> Result:
     """Fit a kind to the first part of a recording; return, by test, shares held, half-widths and verdicts."""
     trained = fit_logs([log_of(recording, data)], KINDS[kind], FitRun(held_out=HELD_OUT, max_error=limit_of(recording)))
     if trained.held_out is None:
         raise AssertionError("a held-out share gives an evaluation")
-    results = {LATER: _found(trained.held_out)}
+    by_test = {LATER: _found(trained.held_out)}
     for name in others:
         log = log_of(name, data)
         rows = calibration_data([log], trained.model.features, max_error=error_limits(limit_of(name), log))
-        results[name] = _found(evaluate(trained.model, rows))
-    return results
+        by_test[name] = _found(evaluate(trained.model, rows))
+    return by_test
 
 
 @run(revision=2)
@@ -62,12 +62,12 @@ def raven_coverage(seed: int | None, kind: str, seconds: float, pause: float) ->
         log = random_log(plant, draws(seed, number), length)
         return _found(evaluate(trained.model, calibration_data([log], trained.model.features)))
 
-    results = {LATER: _found(trained.held_out), "motion right after": tested(1)}
+    by_test = {LATER: _found(trained.held_out), "motion right after": tested(1)}
     random_log(plant, draws(seed, 2), pause)
-    results["an hour of motion later"] = tested(3)
+    by_test["an hour of motion later"] = tested(3)
     plant.home()
-    results["after homing again"] = tested(4)
-    return results
+    by_test["after homing again"] = tested(4)
+    return by_test
 
 
 def _found(evaluation: Evaluation) -> Plain:
@@ -100,16 +100,16 @@ def cases(scope: Scope) -> list[Case]:
 def report(o: Outcomes) -> Report:
     """Return tables of shares held and half-widths: later, elsewhere, and on the simulated robot."""
     later, elsewhere, raven = [], [], []
-    for args, result in o.items(dvrk_coverage):
-        for test, shares in result.items():
-            row = [args["recording"], *([] if test == LATER else [test]), args["kind"], *_cells(shares)]
+    for arguments, result in o.items(dvrk_coverage):
+        for test, coverage in result.items():
+            row = [arguments["recording"], *([] if test == LATER else [test]), arguments["kind"], *_cells(coverage)]
             if test == LATER:
                 later.append(row)
-            elif args["recording"] in TRAININGS and args["kind"] == "learned":
-                elsewhere.append([args["recording"], test, *_cells(shares)])
-    for args, result in o.items(raven_coverage):
-        robot = "nominal" if args["seed"] is None else f"{args['seed']}"
-        raven += [[robot, args["kind"], test, *_cells(shares)] for test, shares in result.items()]
+            elif arguments["recording"] in TRAININGS and arguments["kind"] == "learned":
+                elsewhere.append([arguments["recording"], test, *_cells(coverage)])
+    for arguments, result in o.items(raven_coverage):
+        robot = "nominal" if arguments["seed"] is None else f"{arguments['seed']}"
+        raven += [[robot, arguments["kind"], test, *_cells(coverage)] for test, coverage in result.items()]
     end = [*DVRK_UNITS, "outside"]
     tables = [
         table("Real arm: later blocks of the same recording", ["fitted to", "model", *end], later),
@@ -119,12 +119,12 @@ def report(o: Outcomes) -> Report:
     return Report(filled(tables), {}, _remarks(o))
 
 
-def _cells(test: Plain) -> list[str]:
+def _cells(coverage: Plain) -> list[str]:
     cells = [
         f"{100.0 * held:.0f} %{FLAGS[verdict]} ± {width:.3g}"
-        for held, width, verdict in zip(test["held"], test["half_width"], test["verdict"], strict=True)
+        for held, width, verdict in zip(coverage["held"], coverage["half_width"], coverage["verdict"], strict=True)
     ]
-    return [*cells, f"{100.0 * test['outside']:.0f} %"]
+    return [*cells, f"{100.0 * coverage['outside']:.0f} %"]
 
 
 def _remarks(o: Outcomes) -> list[str]:
@@ -133,11 +133,11 @@ def _remarks(o: Outcomes) -> list[str]:
         "below 85 % where blocks of time are too few to exclude chance; last the share of rows outside the valid range."
     )
     later = [result[LATER] for _, result in o.items(dvrk_coverage)]
-    others = [outcome for _, result in o.items(dvrk_coverage) for test, outcome in result.items() if test != LATER]
+    others = [coverage for _, result in o.items(dvrk_coverage) for test, coverage in result.items() if test != LATER]
     remarks = [legend]
     for words, tests in (("later blocks of the same recording", later), ("other recordings", others)):
-        shares = [share for outcome in tests for share in outcome["held"]]
-        verdicts = [verdict for outcome in tests for verdict in outcome["verdict"]]
+        shares = [share for coverage in tests for share in coverage["held"]]
+        verdicts = [verdict for coverage in tests for verdict in coverage["verdict"]]
         if shares:
             within = sum(0.85 <= share <= 0.95 for share in shares)
             remarks.append(

@@ -2,22 +2,24 @@
 
 Each path trains the calibration paper's models for as long as its zig-zags take, 1/2 alone and 1/2 + 1/3 + 1/4, on
 the robot just homed; 20 minutes of random motion, the same for all paths of a robot, test them. So random motion for
-training is of the test's own kind, not its copy. Models take the paper's 16 inputs and are asked everywhere, the
-network is the mean of its trainings. Paths differ in two things: how often each joint turns back, and how much of
+training is of the test's own kind, not its copy. The paper's models take its 16 inputs and are asked everywhere, the
+network is the mean of its trainings; the learner is `catenary fit`'s, with its valid range. It is also fitted to the
+first minutes of the longer recordings. Paths differ in two things: how often each joint turns back, and how much of
 its range they cover. To tell these apart, the paper's zig-zag J2-J3 and the designed motion are run both in that zig-
 zag's range and in the whole box.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import gcd
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from catenary import random_sinusoids, record_simulated, zigzag
+from catenary import MotionLog, random_sinusoids, record_simulated, zigzag
 from catenary.arrays import Floats, as_array
+from catenary.calibration.fit_options import FitOptions
 from catenary.errors import InputError
 from catenary.trajectories.reference import Trajectory
 from catenary.trajectories.sinusoids import FASTEST_SPEEDS, SLOWEST_SPEEDS, TURN_TIME_S
@@ -35,7 +37,9 @@ DESIGNED, NARROW = "designed", "designed, range of J2-J3"
 PATHS = (*DIRECTIONS, WIDE, RANDOM, NARROW, DESIGNED)
 LENGTHS = ((1 / 2,), recordings.SPARSITIES)  # of the recordings, as those zig-zags take
 SHORT, LONG = (list(each) for each in LENGTHS)
-MODELS = (recordings.NETWORK, "linear")
+PAPERS, LEARNER = (recordings.NETWORK, "linear"), "learner"
+MODELS = (*PAPERS, LEARNER)
+MINUTES = (1, 2, 4, 8)
 COLORS = {WIDE: "#c9a227", RANDOM: "#1c2430", NARROW: "#d9622b", DESIGNED: "#2f8f6b"}
 ZIGZAG_COLOR = "#4b6b94"
 EXPLAINS = -0.5  # rank correlation of reversals and error, at most
@@ -94,34 +98,65 @@ def trajectory(name: str, sparsities: Sequence[float], rng: np.random.Generator)
     return zigzag(ZIGZAG, sparsities, lower=lower, upper=lower + wider)
 
 
+@dataclass(frozen=True)
+class Recorded:
+    """A path, what was recorded along it, and the test."""
+
+    path: Trajectory
+    train: MotionLog
+    test: MotionLog
+
+    @classmethod
+    def along(cls, seed: int | None, name: str, sparsities: Sequence[float], test_seconds: float) -> Self:
+        """Record a path and random motion [s] after it."""
+        plant = recordings.homed(seed)
+        rng = recordings.draws(seed, 60, PATHS.index(name), len(sparsities))
+        path = trajectory(name, sparsities, rng)
+        train = record_simulated(plant, path, name, rng)
+        return cls(path, train, recordings.random_log(plant, recordings.draws(seed, 61), test_seconds))
+
+
 @run(revision=1)
 def path_errors(
     seed: int | None, name: str, sparsities: Sequence[float], networks: Sequence[int], test_seconds: float
 ) -> Result:
-    """Train along a path, test on random motion.
+    """Train the paper's models along a path, test on random motion.
 
     Returns:
         `seconds`; by joint `reversals`, and `range`, the share of the box that is covered; by method RMSE on J1 [deg],
         J2 [deg], J3 [mm].
     """
-    plant = recordings.homed(seed)
-    rng = recordings.draws(seed, 60, PATHS.index(name), len(sparsities))
-    path = trajectory(name, sparsities, rng)
-    train = record_simulated(plant, path, name, rng)
-    test = recordings.random_log(plant, recordings.draws(seed, 61), test_seconds)
-    q, _, _ = path.sample(np.arange(0.0, path.duration, 0.05))
-    content: dict[str, object] = {
-        "seconds": round(path.duration, 1),
+    recorded = Recorded.along(seed, name, sparsities, test_seconds)
+    q, _, _ = recorded.path.sample(np.arange(0.0, recorded.path.duration, 0.05))
+    errors: dict[str, object] = {
+        "seconds": round(recorded.path.duration, 1),
         "reversals": [reversals(column) for column in q.T],
         "range": [round(float(each), 3) for each in np.ptp(q, axis=0) / (CALIBRATION_UPPER - CALIBRATION_LOWER)],
     }
-    for method in MODELS:
+    for method in PAPERS:
         seeds = networks if method == recordings.NETWORK else (0,)
-        models = [recordings.fitted([train], replace(recordings.METHODS[method], seed=each)) for each in seeds]
-        rows = recordings.rows_of(models[0], test)
-        content[method] = recordings.mean([recordings.rmse(recordings.unguarded(model), rows) for model in models])
-        content |= recordings.baselines(models[0], rows)
-    return content
+        options = recordings.METHODS[method]
+        models = [recordings.fitted([recorded.train], replace(options, seed=each)) for each in seeds]
+        rows = recordings.rows_of(models[0], recorded.test)
+        errors[method] = recordings.mean([recordings.rmse(recordings.unguarded(model), rows) for model in models])
+        errors |= recordings.baselines(models[0], rows)
+    return errors
+
+
+@run(revision=1)
+def learner_errors(
+    seed: int | None, name: str, sparsities: Sequence[float], minutes: Sequence[float], test_seconds: float
+) -> Result:
+    """Train the learner along a path and on its first minutes; return RMSE as `path_errors`, and by minutes."""
+    recorded = Recorded.along(seed, name, sparsities, test_seconds)
+
+    def errors(train: MotionLog) -> list[float]:
+        model = recordings.fitted([train], FitOptions())
+        return recordings.rmse(model, recordings.rows_of(model, recorded.test))
+
+    since = np.asarray(recorded.train.time) - np.asarray(recorded.train.time)[0]
+    first = {f"{m:g}": recordings.at_rows(recorded.train, np.flatnonzero(since < 60.0 * m)) for m in minutes}
+    return {LEARNER: errors(recorded.train), **{of: errors(train) for of, train in first.items()}}
 
 
 def cases(scope: Scope) -> list[Case]:
@@ -130,12 +165,16 @@ def cases(scope: Scope) -> list[Case]:
         (LENGTHS[:1], (ZIGZAG, DESIGNED), 60.0) if scope.quick else (LENGTHS, PATHS, recordings.TEST_SECONDS)
     )
     axes = {"seed": scope.robots, "sparsities": lengths, "name": names}
-    return grid(path_errors, axes, networks=scope.networks_of, test_seconds=seconds)
+    return [
+        *grid(path_errors, axes, networks=scope.networks_of, test_seconds=seconds),
+        *grid(learner_errors, axes, minutes=MINUTES, test_seconds=seconds),
+    ]
 
 
 def of(o: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
     """Return what a path has by joint, (robots, 3)."""
-    return sample(o, path_errors, what, name=name, sparsities=list(sparsities))
+    run = path_errors if what in (*PAPERS, "reversals", "range") else learner_errors
+    return sample(o, run, what, name=name, sparsities=list(sparsities))
 
 
 def middle(o: Outcomes, name: str, sparsities: Sequence[float], what: str) -> Floats:
@@ -158,11 +197,11 @@ def report(o: Outcomes) -> Report:
     tables = [_paths_table(o, length) for length in lengths]
     remarks = []
     if all(len(_run(o, length)) == len(PATHS) for length in LENGTHS):
-        tables.append(_factors(o))
+        tables += [_factors(o), _by_minutes(o)]
         remarks.append(sentence(o))
     caption = (
         "RMSE of a joint against how often it turned back in training; full marks are the network, open ones the "
-        f"linear model, squares the zig-zag {ZIGZAG}"
+        f"linear model, crosses the learner, squares the zig-zag {ZIGZAG}"
     )
     return Report(tables, {caption: _picture(o, lengths)}, remarks)
 
@@ -198,12 +237,21 @@ def _factors(o: Outcomes) -> TitledTable:
     return table("Error left of what it was, by what changes", header, rows(row, changes, LENGTHS))
 
 
-def sentence(o: Outcomes) -> str:
-    """Return in a sentence which path leaves the least error, beside the paper's zig-zag for the same time."""
+def _by_minutes(o: Outcomes) -> TitledTable:
+    def row(name: str, minutes: float) -> list[str]:
+        errors = sample(o, learner_errors, f"{minutes:g}", name=name, sparsities=LONG)
+        return [name, f"{minutes:g}", *cells(errors)]
 
-    def error(name: str, length: Sequence[float]) -> str:
-        errors = zip(middle(o, name, length, recordings.NETWORK), UNITS, strict=True)
-        return ", ".join(f"{error:.3f} {unit}" for error, unit in errors)
+    title = "Learner fitted to the first minutes of the longer recording, RMSE"
+    return table(title, ["path", "minutes", *IN_UNITS], rows(row, (ZIGZAG, DESIGNED, RANDOM), MINUTES))
+
+
+def sentence(o: Outcomes) -> str:
+    """Return in sentences which path leaves the least error, beside the paper's zig-zag for the same time."""
+
+    def told(name: str, length: Sequence[float], model: str = recordings.NETWORK) -> str:
+        left = zip(middle(o, name, length, model), UNITS, strict=True)
+        return ", ".join(f"{error:.3f} {unit}" for error, unit in left)
 
     def back(name: str) -> str:
         return ", ".join(f"{count:.0f}" for count in middle(o, name, SHORT, "reversals"))
@@ -211,8 +259,9 @@ def sentence(o: Outcomes) -> str:
     best = min(PATHS, key=lambda name: float(np.prod(middle(o, name, SHORT, recordings.NETWORK))))
     return (
         f'Of all paths that take {seconds_of(o, SHORT)}, "{best}", whose joints turn back {back(best)} times, leaves '
-        f"the network least: {error(best, SHORT)}, where the zig-zag {ZIGZAG}, whose joints turn back {back(ZIGZAG)} "
-        f"times, leaves {error(ZIGZAG, SHORT)}, and {error(ZIGZAG, LONG)} after {seconds_of(o, LONG)}."
+        f"the network least: {told(best, SHORT)}, where the zig-zag {ZIGZAG}, whose joints turn back {back(ZIGZAG)} "
+        f"times, leaves {told(ZIGZAG, SHORT)}, and {told(ZIGZAG, LONG)} after {seconds_of(o, LONG)}. The learner "
+        f'leaves {told(best, SHORT, LEARNER)} along "{best}" and {told(RANDOM, SHORT, LEARNER)} in random motion.'
     )
 
 
@@ -225,9 +274,10 @@ def _picture(o: Outcomes, lengths: Sequence[Sequence[float]]) -> Any:
             x = middle(o, name, length, "reversals")[j]
             y = [middle(o, name, length, model)[j] for model in MODELS]
             marker = "s" if name in (ZIGZAG, WIDE) else "o"
-            panel.plot([x, x], y, color=color, linewidth=0.6, alpha=0.5)
+            panel.plot([x] * len(y), y, color=color, linewidth=0.6, alpha=0.5)
             panel.plot(x, y[0], marker, color=color, ms=6, label=label)
             panel.plot(x, y[1], marker, color=color, ms=6, fillstyle="none")
+            panel.plot(x, y[2], "x", color=color, ms=6)
         panel.set_ylim(bottom=0.0)
         if j == 0:
             panel.set_ylabel("RMSE")
@@ -240,13 +290,13 @@ def _picture(o: Outcomes, lengths: Sequence[Sequence[float]]) -> Any:
 
 def _less(o: Outcomes, name: str, others: Sequence[str]) -> Judgement:
     """Judge whether a path's network is better on every joint and for both lengths than with any of other paths."""
-    holds, texts = [], []
+    holds, measured = [], []
     for length in LENGTHS:
         own = middle(o, name, length, recordings.NETWORK)
         least = np.min([middle(o, other, length, recordings.NETWORK) for other in others], axis=0)
         holds += list(own < least)
-        texts.append(f"{seconds_of(o, length)}: {_pairs(own, least)}")
-    return by_count(holds, "J1, J2, J3; " + "; ".join(texts))
+        measured.append(f"{seconds_of(o, length)}: {_pairs(own, least)}")
+    return by_count(holds, "J1, J2, J3; " + "; ".join(measured))
 
 
 def _pairs(own: Floats, other: Floats) -> str:
@@ -270,15 +320,15 @@ EXPERIMENT = Experiment(
 def _reversals_explain(o: Outcomes) -> Judgement:
     from scipy.stats import spearmanr
 
-    holds, texts = [], []
-    for model in MODELS:
+    holds, measured = [], []
+    for model in PAPERS:
         ranks = []
         for j in range(3):
             counts, errors = ([middle(o, name, LONG, what)[j] for name in PATHS] for what in ("reversals", model))
             ranks.append(float(spearmanr(counts, errors).statistic))
         holds += [rank <= EXPLAINS for rank in ranks]
-        texts.append(f"{model} {', '.join(f'{rank:.2f}' for rank in ranks)}")
-    return by_count(holds, "rank correlation on J1, J2, J3: " + "; ".join(texts))
+        measured.append(f"{model} {', '.join(f'{rank:.2f}' for rank in ranks)}")
+    return by_count(holds, "rank correlation on J1, J2, J3: " + "; ".join(measured))
 
 
 @EXPERIMENT.claim(
@@ -328,3 +378,33 @@ def _designed_best(o: Outcomes) -> Judgement:
 def _short_enough(o: Outcomes) -> Judgement:
     short, long = middle(o, DESIGNED, SHORT, recordings.NETWORK), middle(o, ZIGZAG, LONG, recordings.NETWORK)
     return by_count(short <= long, f"J1, J2, J3: {_pairs(short, long)}")
+
+
+@EXPERIMENT.claim(
+    "Random motion for as long as 1/2 takes is enough for the learner, against the network of all of J2-J3",
+    "expected",
+    "-",
+    "the learner's error after the shorter time is not greater than the network's along J2-J3 at 1/2 + 1/3 + 1/4, on "
+    "every joint; same direction: on two",
+)
+def _learner_short_enough(o: Outcomes) -> Judgement:
+    short, long = middle(o, RANDOM, SHORT, LEARNER), middle(o, ZIGZAG, LONG, recordings.NETWORK)
+    return by_count(short <= long, f"J1, J2, J3: {_pairs(short, long)}")
+
+
+@EXPERIMENT.claim(
+    "The learner errs less than the network, whatever the path",
+    "expected",
+    "-",
+    "its error is less for every path, joint and length; same direction: for more than half",
+)
+def _learner_less(o: Outcomes) -> Judgement:
+    learner, network = (
+        np.array([middle(o, name, length, model) for length in LENGTHS for name in PATHS])
+        for model in (LEARNER, recordings.NETWORK)
+    )
+    ratio = learner / network
+    median, worst = np.median(ratio), np.unravel_index(ratio.argmax(), ratio.shape)
+    name = PATHS[int(worst[0]) % len(PATHS)]
+    measured = f"error over the network's {median:.2f} in the median, {ratio.max():.2f} at most: {name}, "
+    return by_count((ratio < 1.0).ravel(), measured + JOINTS[int(worst[1])])

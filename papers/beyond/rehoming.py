@@ -169,14 +169,14 @@ def cases(scope: Scope) -> list[Case]:
         (2, (1.0, 1.0), 1, 20.0) if scope.quick else (POSES, recordings.SPARSITIES, HOMINGS, recordings.TEST_SECONDS)
     )
     networks = () if scope.quick else scope.networks_of(NOMINAL)[:NETWORKS]
-    common = {"networks": networks, "sparsities": sparsities, "homings": homings, "test_seconds": seconds}
+    arguments = {"networks": networks, "sparsities": sparsities, "homings": homings, "test_seconds": seconds}
     return [
         case
         for seed in scope.robots
         for case in (
             registrations.case(seed=seed, poses=poses),
-            *grid(order_errors, {"order": ORDERS}, seed=seed, **common),
-            offset_errors.case(seed=seed, **common),
+            *grid(order_errors, {"order": ORDERS}, seed=seed, **arguments),
+            offset_errors.case(seed=seed, **arguments),
         )
     ]
 
@@ -184,10 +184,10 @@ def cases(scope: Scope) -> list[Case]:
 def errors(o: Outcomes, order: str, cure: str, model: str) -> Floats:
     """Return the RMSE of joint 2 after 0, 1 ... homings in an order, with a cure, (robots, 1 + homings)."""
     every = [*o.of(order_errors, order=order), *(result.get(order, {}) for result in o.of(offset_errors))]
-    samples = [result[cure][model] for result in every if model in result.get(cure, {})]
-    if not samples:
+    by_homing = [result[cure][model] for result in every if model in result.get(cure, {})]
+    if not by_homing:
         raise Missing(f"{order}, {cure}, {model}")
-    return by_robot(samples)[..., 1]
+    return by_robot(by_homing)[..., 1]
 
 
 def report(o: Outcomes) -> Report:
@@ -197,8 +197,8 @@ def report(o: Outcomes) -> Report:
     def cure(way: tuple[str, str], model: str) -> list[str]:
         reached = errors(o, *way, model)
         after = reached[:, 1:]
-        texts = (f"{each}" for each in (reached[:, 0], after[:, -1], after.mean(axis=1)))
-        return [*way, model, *texts, f"{after.max():.3f}"]
+        numbers = (f"{each}" for each in (reached[:, 0], after[:, -1], after.mean(axis=1)))
+        return [*way, model, *numbers, f"{after.max():.3f}"]
 
     mechanism = (
         "robot | coupling error [deg/deg] | J2 first | step [deg] | R² | shift, SD [deg] | shift, most | J2 left its "
@@ -231,11 +231,11 @@ def _fit(result: Result) -> tuple[float, float]:
 
 def _mechanism(o: Outcomes) -> list[list[str]]:
     content = []
-    for args, result in o.items(registrations):
+    for arguments, result in o.items(registrations):
         step, share = _fit(result)
         shift, first = np.array(result["shift"]), np.array(result["travel"]) > FIRST_BY
         content.append([
-            *("nominal" if args["seed"] is NOMINAL else f"{args['seed']}", f"{result['coupling_error']:.4f}"),
+            *("nominal" if arguments["seed"] is NOMINAL else f"{arguments['seed']}", f"{result['coupling_error']:.4f}"),
             *(f"{int(first.sum())} of {len(first)}", f"{step:.3f}", f"{share:.3f}"),
             *(f"{shift.std():.3f}", f"{np.abs(shift).max():.3f}", f"{max(result['left']):.3f}"),
         ])  # fmt: skip
@@ -259,8 +259,8 @@ def _remarks(o: Outcomes) -> str:
 
 def _picture(o: Outcomes) -> Any:
     figure, (homing, mechanism, cured) = panels(3, 3.4)
-    for args, result in o.items(registrations):
-        if args["seed"] is NOMINAL:
+    for arguments, result in o.items(registrations):
+        if arguments["seed"] is NOMINAL:
             _draw_homings(homing, result["traces"])
         mechanism.plot(result["travel"], result["shift"], "o", ms=3, alpha=0.7)
     mechanism.set_xlabel("way of J1 after J2 met its stop [deg]", fontsize=8)

@@ -169,14 +169,14 @@ def cases(scope: Scope) -> list[Case]:
 
 def errors(o: Outcomes, training: str, inputs: str, base: str, model: str) -> Floats:
     """Return RMSE (robots, 3) of a model on a base."""
-    samples = [
+    of_robots = [
         result[base][model]
-        for args, result in o.items(base_errors, inputs=list(INPUTS[inputs]))
-        if _is(args["training"], training) and model in result.get(base, {})
+        for arguments, result in o.items(base_errors, inputs=list(INPUTS[inputs]))
+        if _is(arguments["training"], training) and model in result.get(base, {})
     ]
-    if not samples:
+    if not of_robots:
         raise Missing(f"{training}, {inputs}, {model}, {base}")
-    return by_robot(samples)
+    return by_robot(of_robots)
 
 
 def _is(parts: Sequence[Sequence[Any]], training: str) -> bool:
@@ -190,8 +190,8 @@ def report(o: Outcomes) -> Report:
         def row(training: str, kind: tuple[str, str]) -> list[str]:
             inputs, model = kind
             offset = model == "fixed offset"
-            samples = (errors(o, training, PAPERS if offset else inputs, base, model)[:, j] for base in BASES)
-            return [training, inputs, model, *(f"{each}" for each in samples)]
+            columns = (errors(o, training, PAPERS if offset else inputs, base, model)[:, j] for base in BASES)
+            return [training, inputs, model, *(f"{each}" for each in columns)]
 
         return rows(row, TRAININGS, [*product(SHOWN, KINDS), ("-", "fixed offset")])
 
@@ -204,9 +204,9 @@ def report(o: Outcomes) -> Report:
     return Report(tables, {caption: _picture(o)}, _remarks(o))
 
 
-def joints(*samples: Floats) -> str:
+def joints(*errors: Floats) -> str:
     """Return what bases and robots have in the mean, J1/J2/J3."""
-    return "/".join(f"{value:.3f}" for value in np.concatenate(samples).mean(axis=0))
+    return "/".join(f"{value:.3f}" for value in np.concatenate(errors).mean(axis=0))
 
 
 def _remarks(o: Outcomes) -> list[str]:

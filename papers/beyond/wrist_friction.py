@@ -50,11 +50,11 @@ def errors(train: Sequence[str], method: str, minutes: float, data: Path) -> Res
     Args:
         minutes: How much of each counts; 0 for all.
     """
-    trained = fit_logs([_first(log_of(name, data), minutes) for name in train], METHODS[method], _run())
+    fit = fit_logs([_first(log_of(name, data), minutes) for name in train], METHODS[method], _run())
     others = [name for name in RECORDINGS if name not in train]
     return {
-        "unseen": [joint.rmse_mean for joint in trained.spread],
-        "others": {name: _rmse(trained.model, log_of(name, data)) for name in others},
+        "unseen": [joint.rmse_mean for joint in fit.spread],
+        "others": {name: _rmse(fit.model, log_of(name, data)) for name in others},
     }
 
 
@@ -80,12 +80,12 @@ def slack(rows: int, data: Path) -> Result:
     log = log_of(ALONE, data).part(0, rows)
     if log.q_encoder is None:
         raise AssertionError("the recording holds measured joints")
-    series = {"J6": np.rad2deg(log.q_nominal[:, 5]), "measured": np.rad2deg(log.q_encoder - log.q_nominal)[:, 4]}
+    columns = {"J6": np.rad2deg(log.q_nominal[:, 5]), "measured": np.rad2deg(log.q_encoder - log.q_nominal)[:, 4]}
     for method in (PLAY, FRICTION):
         model = fit_logs([log_of(RANDOM, data)], METHODS[method], _run(folds=0)).model
-        series[method] = np.rad2deg(model.calibrate(log) - log.q_nominal)[:, 4]
-    series["measured"] = np.where(log.ok, series["measured"], np.nan)
-    return {name: [None if value != value else value for value in values.tolist()] for name, values in series.items()}
+        columns[method] = np.rad2deg(model.calibrate(log) - log.q_nominal)[:, 4]
+    columns["measured"] = np.where(log.ok, columns["measured"], np.nan)
+    return {name: [None if value != value else value for value in values.tolist()] for name, values in columns.items()}
 
 
 @run(revision=3)
@@ -107,18 +107,20 @@ def carried(folder: str, signal: str, data: Path) -> Result:
     """
     options = FitOptions(inputs=LOADED[signal])
     model = fit_logs(_runs(folder, data), options).model
-    results = {}
+    ratios = {}
     for other in (each for each in FOLDERS if each != folder):
         rows = calibration_data(_runs(other, data), model.features)
         errors = []
         for number in np.unique(rows.recording):
             run = rows.rows(rows.recording == number)
             refreshed = refresh_model(model, run.rows(run.time < run.time[0] + BEGUN)).model
-            later = rows.rows(rows.recording != number)
-            errors.append(rms(np.rad2deg(later.error - refreshed.correct(later.X, later.q_nominal, later.leaping)[0])))
+            others = rows.rows(rows.recording != number)
+            errors.append(
+                rms(np.rad2deg(others.error - refreshed.correct(others.X, others.q_nominal, others.leaping)[0]))
+            )
         inside = model.correct(rows.X, rows.q_nominal, rows.leaping)[1]
-        results[other] = [float(np.median(errors)), float(np.mean(inside))]
-    return results
+        ratios[other] = [float(np.median(errors)), float(np.mean(inside))]
+    return ratios
 
 
 def _runs(folder: str, data: Path) -> list[MotionLog]:
@@ -152,14 +154,16 @@ def report(o: Outcomes) -> Report:
     """Return the tables, the picture of slack, and that of error over minutes."""
     header = ["trained on, tested on, model", *map(" ".join, zip(JOINTS, UNITS, strict=True))]
     unseen, elsewhere = [], []
-    for args, result in o.items(errors):
-        what = ", ".join([*args["train"], *([f"{args['minutes']:g} minutes"] if args["minutes"] else [])])
-        unseen.append([f"{what}: {args['method']}", *(f"{value:.3f}" for value in result["unseen"])])
+    for arguments, result in o.items(errors):
+        what = ", ".join(
+            [*arguments["train"], *([f"{arguments['minutes']:g} minutes"] if arguments["minutes"] else [])]
+        )
+        unseen.append([f"{what}: {arguments['method']}", *(f"{value:.3f}" for value in result["unseen"])])
         for name, rmse in result["others"].items():
-            elsewhere.append([f"{what}; {name}: {args['method']}", *(f"{value:.3f}" for value in rmse)])
+            elsewhere.append([f"{what}; {name}: {arguments['method']}", *(f"{value:.3f}" for value in rmse)])
     by_signal: dict[str, dict[str, float]] = {}
-    for args, result in o.items(loaded):
-        by_signal.setdefault(args["signal"], {})[args["folder"]] = result["rmse"]
+    for arguments, result in o.items(loaded):
+        by_signal.setdefault(arguments["signal"], {})[arguments["folder"]] = result["rmse"]
     jaws = [
         [folder, *(f"{of.get(folder, np.nan):.2f}" for of in by_signal.values())]
         for folder in FOLDERS
@@ -168,8 +172,8 @@ def report(o: Outcomes) -> Report:
     medians = [np.median(list(of.values())) for of in by_signal.values()]
     jaws += [["median", *(f"{median:.2f}" for median in medians)]] if jaws else []
     pairs: dict[str, list[list[float]]] = {}
-    for args, result in o.items(carried):
-        pairs.setdefault(args["signal"], []).extend(result.values())
+    for arguments, result in o.items(carried):
+        pairs.setdefault(arguments["signal"], []).extend(result.values())
     others = []
     for signal, of_pairs in pairs.items():
         rmse, inside = np.array(of_pairs).T
@@ -218,16 +222,16 @@ def _minutes(o: Outcomes) -> Any:
     figure, axes = panels(3, 3.2)
     for k, panel in enumerate(axes, start=3):
         for method, color in COLORS.items():
-            errors_at = {
-                args["minutes"]: [rmse[k] for rmse in result["others"].values()]
-                for args, result in o.items(errors)
-                if args["method"] == method and args["minutes"]
+            by_minutes = {
+                arguments["minutes"]: [rmse[k] for rmse in result["others"].values()]
+                for arguments, result in o.items(errors)
+                if arguments["method"] == method and arguments["minutes"]
             }
-            minutes = sorted(errors_at)
+            minutes = sorted(by_minutes)
             for a, b in pairwise(minutes):
-                panel.plot([a, b], [np.median(errors_at[a]), np.median(errors_at[b])], color=color, lw=1.2)
+                panel.plot([a, b], [np.median(by_minutes[a]), np.median(by_minutes[b])], color=color, lw=1.2)
             for each in minutes:
-                panel.plot([each] * len(errors_at[each]), errors_at[each], ".", color=color, label=method)
+                panel.plot([each] * len(by_minutes[each]), by_minutes[each], ".", color=color, label=method)
         panel.set_xscale("log", base=2)
         panel.set_xticks(MINUTES, [f"{each:g}" for each in MINUTES])
         panel.set_xlabel("minutes of training")

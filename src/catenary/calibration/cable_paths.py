@@ -32,8 +32,10 @@ def find_cables(recordings: Recordings, options: FitOptions, *, held_out: float 
             return FoundCables()
         moving = {name for name, _ in rows.signals.play}
         joints = [j for j, name in enumerate(rows.joint_names) if f"q:{name}" in moving]
-        found = [_Search(rows, j, joints).found() for j in joints]
-    return FoundCables(sum((cables.paths for cables in found), ()), sum((cables.slacks for cables in found), ()))
+        per_joint = [_Search(rows, j, joints).found() for j in joints]
+    return FoundCables(
+        sum((cables.paths for cables in per_joint), ()), sum((cables.slacks for cables in per_joint), ())
+    )
 
 
 class _Search:
@@ -42,8 +44,8 @@ class _Search:
         self._others = [other for other in joints if other != joint]
         own = rows.fixed[:, rows.signals.names.index(f"q:{rows.joint_names[joint]}")]
         z = (own - own.mean()) / own.std()
-        beside = np.column_stack([rows.fixed[:, rows.columns([joint])], *(z**power for power in _POWERS)])
-        self._sums = SumsBeside(beside, rows.error[:, [joint]], rows.block)
+        smooth = np.column_stack([rows.fixed[:, rows.columns([joint])], *(z**power for power in _POWERS)])
+        self._sums = SumsBeside(smooth, rows.error[:, [joint]], rows.block)
         self._before = self._errors(0, 0.0, PLAY_SHARES)
 
     def found(self) -> FoundCables:
@@ -74,9 +76,9 @@ class _Search:
 
     def _slacks(self, other: int, factor: float) -> list[float]:
         """Return half-widths, of the range, that explain more than a ladder of them."""
-        found: list[float] = []
-        while len(found) < _MAX_SLACKS:
-            shares = (*PLAY_SHARES, *found)
+        half_widths: list[float] = []
+        while len(half_widths) < _MAX_SLACKS:
+            shares = (*PLAY_SHARES, *half_widths)
             start = min(_SLACKS, key=lambda share: self._score(other, factor, (*shares, share)))
 
             def score(log_share: float, shares: tuple[float, ...] = shares) -> float:
@@ -86,9 +88,9 @@ class _Search:
             errors = self._errors(other, factor, (*shares, share))
             if not is_gain(self._before, errors):
                 break
-            found.append(share)
+            half_widths.append(share)
             self._before = errors
-        return found
+        return half_widths
 
     def _score(self, other: int, factor: float, shares: Sequence[float]) -> float:
         return float(np.log(self._errors(other, factor, shares)).mean())
@@ -104,8 +106,8 @@ class _Search:
 
 
 def _least(score: Callable[[float], float], start: float, away: float) -> float:
-    found = minimize_scalar(score, bounds=(start - away, start + away), method="bounded", options={"xatol": 1e-4})
-    return float(found.x) if found.fun < score(start) else start
+    minimum = minimize_scalar(score, bounds=(start - away, start + away), method="bounded", options={"xatol": 1e-4})
+    return float(minimum.x) if minimum.fun < score(start) else start
 
 
 def play_states(path: Floats, widths: Floats) -> Floats:

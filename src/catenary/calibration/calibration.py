@@ -355,9 +355,9 @@ def _logs(
     quantities = {"q_encoder": q_encoder, "tau": tau, "qd": qd, "time": time}
     recordings = [motion] if isinstance(motion, Recording) else motion
     if isinstance(recordings, Sequence) and recordings and all(isinstance(item, Recording) for item in recordings):
-        given = [name for name, values in quantities.items() if values is not None]
-        if given:
-            raise InputError(f"{', '.join(given)}: recordings have their own; expected arrays with arrays only")
+        recorded = [name for name, values in quantities.items() if values is not None]
+        if recorded:
+            raise InputError(f"{', '.join(recorded)}: recordings have their own; expected arrays with arrays only")
         return [
             item if isinstance(item, MotionLog) else read_log(item, units=units, joint_names=joint_names)
             for item in recordings

@@ -34,10 +34,10 @@ def model_card(
 ) -> Card:
     """Describe a fitted model and how it came to be."""
     kind = kind_of(model.kind, model.preset)
-    asked = {key: value for key, value in asdict(run).items() if key not in ("robot", *_ARM_KEYS)}
+    settings = {key: value for key, value in asdict(run).items() if key not in ("robot", *_ARM_KEYS)}
     # JSON has no infinity: null is no limit
-    asked["max_error"] = run.max_error and [e if math.isfinite(e) else None for e in run.max_error]
-    asked["accept"] = list(run.accept)
+    settings["max_error"] = run.max_error and [e if math.isfinite(e) else None for e in run.max_error]
+    settings["accept"] = list(run.accept)
     return {
         "robot": run.robot if run.robot is not None else data.robot,
         "instrument": run.instrument,
@@ -71,7 +71,7 @@ def model_card(
         "mends": {key: list(texts) for key, texts in model.mends.items()},
         "rows": len(data),
         "recorded": data.dates[1] or run.date,
-        "run": {"seed": options.seed, **asked},
+        "run": {"seed": options.seed, **settings},
         "version": {"catenary": __version__, **{name: version(name) for name in _LIBRARIES}},
         "errors": {
             "unit": {name: DISPLAY[unit][0] for name, unit in zip(model.joint_names, model.joint_units, strict=True)},

@@ -101,7 +101,7 @@ def unseen_by_blocks(
     speeds = np.concatenate([speeds_of(log) for log in logs])
     rms, within = np.sqrt(np.mean(speeds**2, axis=0)), np.quantile(speeds, level, axis=0)
     left = np.sqrt(np.mean(np.square(errors.after_model), axis=0))
-    found, even = np.zeros((3, len(rms))), np.zeros(len(rms), dtype=bool)
+    bounds = np.zeros((3, len(rms)))
     for j, name in enumerate(logs[0].joint_names):
         own = np.array([own[1:] for delay in delays if delay is not None for own in delay.alone if own[0] == name])
         if not len(own):
@@ -112,13 +112,12 @@ def unseen_by_blocks(
             continue
         along, is_even = evenness(speeds[:, j])
         likely = max(0.5 * (low + high), 0.0)
-        most = high * rms[j]
+        upper = high * rms[j]
         if not is_even:
             slope = _slope_on_speed(errors.after_model[:, j], rates[:, j], errors.block)
-            most = min(left[j] * math.sqrt(along / (1.0 - along)), slope * rms[j])
-        even[j] = is_even
-        found[:, j] = high, max(min(high * rms[j], most), likely * rms[j]), likely * within[j]
-    return DelayMargin(found[0], found[1], found[2], even)
+            upper = min(left[j] * math.sqrt(along / (1.0 - along)), slope * rms[j])
+        bounds[:, j] = high, max(min(high * rms[j], upper), likely * rms[j]), likely * within[j]
+    return DelayMargin(*bounds)
 
 
 def _slope_on_speed(left: Floats, rate: Floats, block: Integers) -> float:
@@ -175,11 +174,13 @@ def expected(
             shares = np.array([held[errors.stretch == k].mean(axis=0) for k in np.unique(errors.stretch)])
             return shares.mean(axis=0), times(shares)
 
-        (share, off), (most, above) = held(intervals), held(unseen.in_intervals(intervals) if unseen else intervals)
+        (share, off), (upper, above) = held(intervals), held(unseen.in_intervals(intervals) if unseen else intervals)
         names += ["held_low", "held_high"]
-        stated += [np.maximum(share - off, 0.0), np.minimum(np.maximum(share + off, most + above), 1.0)]
+        stated += [np.maximum(share - off, 0.0), np.minimum(np.maximum(share + off, upper + above), 1.0)]
     of_joints: list[list[Any]] = np.array(stated).T.tolist()
-    return tuple(replace(s, **dict(zip(names, found, strict=True))) for s, found in zip(spread, of_joints, strict=True))
+    return tuple(
+        replace(s, **dict(zip(names, numbers, strict=True))) for s, numbers in zip(spread, of_joints, strict=True)
+    )
 
 
 def rmse_of_other_minutes(left: Floats, block: Integers) -> tuple[Floats, Floats]:
@@ -229,12 +230,12 @@ def time_blocks(recording: Integers, *, level: float) -> Integers:
     1 - level amounts to _BLOCKS_OUTSIDE blocks, if each then has at least _MIN_BLOCK_ROWS rows.
     """
     rows = len(recording)
-    wanted = max(_MIN_BLOCKS, math.ceil(_BLOCKS_OUTSIDE / (1.0 - level) - 1e-9))
-    wanted = max(1, min(wanted, rows // _MIN_BLOCK_ROWS))
+    blocks_needed = max(_MIN_BLOCKS, math.ceil(_BLOCKS_OUTSIDE / (1.0 - level) - 1e-9))
+    blocks_needed = max(1, min(blocks_needed, rows // _MIN_BLOCK_ROWS))
     block, first = np.zeros(rows, dtype=np.int64), 0
     starts = np.flatnonzero(np.diff(recording)) + 1
     for part in np.split(np.arange(rows), starts):
-        count = max(1, round(wanted * len(part) / max(1, rows)))
+        count = max(1, round(blocks_needed * len(part) / max(1, rows)))
         block[part] = first + np.arange(len(part)) * count // max(1, len(part))
         first += count
     return block

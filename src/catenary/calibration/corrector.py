@@ -84,11 +84,11 @@ class Corrector:
     def _require_shapes(
         self, q: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None
     ) -> None:
-        found = tuple(np.shape(array) for array in (q, signals, out, inside, interval) if array is not None)
+        shapes = tuple(np.shape(array) for array in (q, signals, out, inside, interval) if array is not None)
         names = ("q_nominal", "signals", "out", "inside", "interval")
-        if found != (*self._shapes, out.shape)[: len(found)]:
+        if shapes != (*self._shapes, out.shape)[: len(shapes)]:
             expected = ", ".join(map("{} {}".format, names, (*self._shapes, self._shapes[2])))
-            raise InputError(f"corrector: expected {expected} or none, got {', '.join(map(str, found))}")
+            raise InputError(f"corrector: expected {expected} or none, got {', '.join(map(str, shapes))}")
 
     def correct(
         self, q_nominal: ArrayLike, signals: ArrayLike, out: Floats, inside: Flags, interval: Floats | None = None

@@ -11,6 +11,7 @@ leverage is that of a sketch: a few random combinations of what is uncertain, in
 Where a prediction is expected to err more than the fixed offset, as errors on blocks of time grow, it is not trusted.
 Measured on pairs of recordings (days of a dVRK, tools, drawn arms of even seeds): error over the fixed offset's where
 that rule trusts and where not, medians: 0.92 and 1.49, 0.78 and 1.30 of polynomials, 0.82 and 1.08 of linear models.
+The learner holds what it extrapolates and may go farther: 0.20 and 1.12 on drawn arms trained in a part of their range.
 """
 
 from collections.abc import Iterator, Sequence
@@ -90,6 +91,7 @@ def leverage(
     weight: Floats,  # (N,) of the rows
     penalties: Floats,  # (m, C) of each output and term
     block: Integers,  # (N,) blocks of time
+    offset_ratio: float = _OFFSET_RATIO,
 ) -> Leverage:
     """Return the leverage of a regression's rows and how much it widens each output's interval."""
     nothing = Leverage(np.zeros((len(terms), 0)), np.zeros(0), 0.0, np.zeros(len(penalties)), np.ones(len(penalties)))
@@ -105,17 +107,17 @@ def leverage(
         return nothing
     scale = np.quantile(np.abs(np.vstack([errors for errors, _ in time])), 0.9, axis=0) / _NORMAL_90
     scale = np.maximum(scale, 1e-12)
-    usual = float(np.median(np.concatenate([found for _, found in time])))
-    asked = [(outputs, fitted.errors_left_out(label[taken])) for label, outputs in rows.parts()]
+    usual = float(np.median(np.concatenate([left_out for _, left_out in time])))
+    parts = [(outputs, fitted.errors_left_out(label[taken])) for label, outputs in rows.parts()]
     factor = np.empty(len(penalties))
     for k in range(len(factor)):
         shown = [
             _factor(
-                np.concatenate([errors[:, k] for errors, _ in found]) / scale[k],
-                np.concatenate([more for _, more in found]) - usual,
+                np.concatenate([errors[:, k] for errors, _ in left_out]) / scale[k],
+                np.concatenate([more for _, more in left_out]) - usual,
             )
-            for outputs, found in asked
-            if k in outputs and found
+            for outputs, left_out in parts
+            if k in outputs and left_out
         ]
         factor[k] = np.clip(_BEYOND * np.median(shown), _LEAST, _MOST) if shown else _LEAST
         factor[k] /= np.sqrt(rows.moving(k))
@@ -127,7 +129,7 @@ def leverage(
     of_terms = np.ascontiguousarray(sketch[:-1] / means[1][:, None])
     widening = np.maximum(np.sqrt(met / fitted_to), 1.0)
     trained = max(np.square(standardised(X) @ sketch).sum(axis=1).max() for X in np.array_split(rows.X, _PIECES))
-    farthest = np.maximum(np.square(_OFFSET_RATIO * of_offset / scale) - 1.0, 0.0) / factor**2
+    farthest = np.maximum(np.square(offset_ratio * of_offset / scale) - 1.0, 0.0) / factor**2
     farthest = np.maximum(farthest, (1.0 + _EPSILON) * trained - usual)
     return Leverage(of_terms, sketch[-1] - means[0] @ of_terms, usual, factor, widening, farthest)
 
@@ -159,22 +161,22 @@ class _Regression:
 
     def errors_left_out(self, label: Integers) -> list[tuple[Floats, Floats]]:
         """Return errors (R, m) and leverages (R,) of some rows of each part of labels (N,) that is left out."""
-        found = []
+        parts = []
         for name in np.unique(label):
             part = np.flatnonzero(label == name)
             if not _MIN_LEFT_OUT <= len(part) <= _LARGEST_SHARE * len(label):
                 continue
             gram = self._gram - self._weighted[part].T @ self._Z[part]
             moments = self._moments - self._weighted[part].T @ self._Y[part]
-            asked = part[::_ASKED_EVERY]
-            Z, errors = self._Z[asked], self._Y[asked].copy()
+            tested = part[::_ASKED_EVERY]
+            Z, errors = self._Z[tested], self._Y[tested].copy()
             of_rows = solve_triangular(self._root(gram), Z.T, lower=True, check_finite=False)
             for k, penalty in enumerate(self._penalties):
                 kept = np.append(np.flatnonzero(penalty < DROPPED), len(penalty))
                 own = gram[np.ix_(kept, kept)] + np.diag(np.append(penalty[kept[:-1]], _EPSILON))
                 errors[:, k] -= Z[:, kept] @ cho_solve(cho_factor(own, check_finite=False), moments[kept, k])
-            found.append((errors, np.square(of_rows).sum(axis=0)))
-        return found
+            parts.append((errors, np.square(of_rows).sum(axis=0)))
+        return parts
 
 
 def _factor(errors: Floats, more: Floats) -> float:

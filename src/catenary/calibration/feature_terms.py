@@ -44,8 +44,8 @@ class Terms:
         for name in ("middle", "scale", "limit"):
             if np.shape(getattr(self, name)) != (width,):
                 raise InputError(f"terms: expected {width} numbers as {name}, got {np.shape(getattr(self, name))}")
-        for name, found in zip(("positions", "angles", "loads", "pairs"), indices, strict=True):
-            flat = np.asarray(found)
+        for name, values in zip(("positions", "angles", "loads", "pairs"), indices, strict=True):
+            flat = np.asarray(values)
             is_index = flat.dtype.kind in "iu" and (flat.size == 0 or (flat.min() >= 0 and flat.max() < width))
             if not is_index or flat.shape[1:] != ((2,) if name == "pairs" else ()):
                 raise InputError(f"terms: {name}: expected indices of {width} features, got {flat.tolist()}")

@@ -83,7 +83,7 @@ def fit_recordings(
     held_out = run.held_out or 0.0
     rows_of = cache(partial(_rows, recordings, run=run))
     rows_of(choose_inputs(recordings, options, held_out=held_out).features)  # refused before anything takes long
-    found = recordings.judged(run.accept, testing=options.is_function)  # from which nothing is learnt
+    passed = recordings.judged(run.accept, testing=options.is_function)  # from which nothing is learnt
     if options.takes_friction:
         options = replace(options, cables=find_cables(recordings, options, held_out=held_out))
         options = replace(options, friction=find_friction(recordings, options, held_out=held_out))
@@ -99,7 +99,7 @@ def fit_recordings(
             return fit_model(part, inputs, options, like=model, progress=tell)
 
         validation = cross_validate(data, refitted, folds=run.folds, progress=halves[1])
-    return _concluded(recordings, options, run, (model, validation), found, rows)
+    return _concluded(recordings, options, run, (model, validation), passed, rows)
 
 
 def _far_notes(data: CalibrationData, left: Floats) -> list[str]:
@@ -170,17 +170,17 @@ def _concluded(
     options: FitOptions,
     run: FitRun,
     made: tuple[CalibrationModel, CrossValidation | None],  # None without folds
-    found: Passed,
+    passed: Passed,
     rows: Rows,
 ) -> FitResult:
     logs, (model, validation), (data, late, everything) = recordings.logs, made, rows
-    notes = [*data_notes(logs, everything), *found.notes]
+    notes = [*data_notes(logs, everything), *passed.notes]
     intervals, hidden, growth = None, None, np.ones(1)
     if validation is not None:
         plain = Intervals(run.coverage, np.ones_like(model.offset), np.ones_like(model.offset))
         growth = replace(model, intervals=plain).correct(data.X, data.q_nominal)[2]
         intervals = estimate_intervals(validation, level=run.coverage, growth=growth)
-        hidden = unseen_by_blocks(logs, found.delays, validation, _rates(logs, data), run.coverage)
+        hidden = unseen_by_blocks(logs, passed.delays, validation, _rates(logs, data), run.coverage)
     wider = None if intervals is None or hidden is None else hidden.in_intervals(intervals)
     model = replace(model, intervals=wider, limits=_limits(recordings.robot, data), mends=mends_of(logs))
     left = data.error - model.correction(data.X, data.q_nominal)
@@ -217,7 +217,7 @@ def _concluded(
     card = model_card(model, data, options, run=run, spread=spread, held_out=held_out, notes=tuple(notes))
     card["delays"] = [
         {"recording": log.name, **({} if delay is None else asdict(delay))}
-        for log, delay in zip(logs, found.delays, strict=True)
+        for log, delay in zip(logs, passed.delays, strict=True)
     ]
     if seconds is not None:
         card["tick_seconds"] = seconds
@@ -255,10 +255,10 @@ def _left_out_notes(
 
     Errors left (N, n) are of models that did not see the rows; the model's when None.
     """
-    asked = [left_out_rows(log) for log in recordings.logs]
-    if not any(source.dropped for source in data.sources) and not any(rows.any() for rows in asked):
+    left_out = [left_out_rows(log) for log in recordings.logs]
+    if not any(source.dropped for source in data.sources) and not any(rows.any() for rows in left_out):
         return []
-    logs = (replace(log, ok=log.ok | rows) for log, rows in zip(recordings.logs, asked, strict=True))
+    logs = (replace(log, ok=log.ok | rows) for log, rows in zip(recordings.logs, left_out, strict=True))
     every = usable_rows(Recordings(tuple(logs)), model.features, every=data.every)
     gone = every.rows(~np.isin(every.recording + every.position, data.recording + data.position))
     left = data.error - model.correction(data.X, data.q_nominal) if left is None else left

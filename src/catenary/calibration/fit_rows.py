@@ -132,7 +132,7 @@ def fit_model(
 
 def largest_shown(model: CalibrationModel, data: CalibrationData) -> Floats:
     """Return the largest correction shown, (n,) [rad|m]: the model's, or the error of all but the worst rows."""
-    given = np.abs(model.correction(data.X, data.q_nominal)).max(axis=0)
+    corrections = np.abs(model.correction(data.X, data.q_nominal)).max(axis=0)
     seen = np.quantile(np.abs(data.error), _SHOWN_QUANTILE, axis=0)
-    largest: Floats = np.max([given, seen, np.abs(model.offset), np.full(len(seen), _RESOLUTION_SI)], axis=0)
+    largest: Floats = np.max([corrections, seen, np.abs(model.offset), np.full(len(seen), _RESOLUTION_SI)], axis=0)
     return largest

@@ -69,14 +69,14 @@ def find_friction(recordings: Recordings, options: FitOptions, *, held_out: floa
         if not joints:
             return None
         errors_of = _Errors(rows, joints)
-        found, alone = _searched(errors_of, len(joints))
-        after = errors_of(found)
+        least, alone = _searched(errors_of, len(joints))
+        after = errors_of(least)
         before = min(errors_of.of_play, errors_of(alone), key=lambda errors: float(np.log(errors).mean()))
         if options.coupled is None and not is_gain(before, after, _MIN_COUPLING_LOG_GAIN):
             return None
     unit = rows.ranges[list(joints)]
     states = coupled_friction(
-        unit[:, None] * found.lever * unit, found.directions / unit, found.thresholds, found.longest * unit
+        unit[:, None] * least.lever * unit, least.directions / unit, least.thresholds, least.longest * unit
     )
     names = tuple(rows.joint_names[j] for j in joints)
     return FoundFriction(
@@ -155,8 +155,8 @@ def _searched(errors_of: _Errors, n: int) -> tuple[CoupledFriction, CoupledFrict
     start = min((_start(n, coupling) for coupling in (_START_COUPLING, 0.0, -_START_COUPLING)), key=loss)
     simplex = np.vstack([start, start + _SIMPLEX_STEP * np.eye(len(start))])
     options: Any = {"maxiter": _MAX_SEARCH_STEPS, "initial_simplex": simplex, "xatol": 1e-2, "fatol": 1e-5}
-    found = minimize(loss, start, method="Nelder-Mead", options=options)
-    coupled = np.clip(found.x, -5.0, 5.0)
+    minimum = minimize(loss, start, method="Nelder-Mead", options=options)
+    coupled = np.clip(minimum.x, -5.0, 5.0)
     first, second = np.tril_indices(n)
     alone = coupled.copy()
     alone[:springs][(first != second)[1:]] = 0.0

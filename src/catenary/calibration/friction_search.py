@@ -95,8 +95,8 @@ def _held(X: Floats, error: Floats) -> Floats:
     for _ in range(2):
         line = Z @ np.linalg.solve(Z.T @ Z + MEMORY_RIDGE * np.eye(Z.shape[1]), Z.T @ error)
         left = error - line
-        most = _FAR_DEVIATIONS * 1.4826 * np.median(np.abs(left), axis=0)
-        error = line + np.clip(left, -most, most)
+        limit = _FAR_DEVIATIONS * 1.4826 * np.median(np.abs(left), axis=0)
+        error = line + np.clip(left, -limit, limit)
     return error
 
 
@@ -106,10 +106,10 @@ def _seen(log: MotionLog, held_out: float) -> int:
 
 def _windows(rows: int, recordings: int, every: int) -> list[tuple[int, int, int]]:
     """Return parts of a recording: where its path begins, and the rows of it that count."""
-    most = every * (_MAX_SEARCHED_ROWS // recordings)
-    if rows <= most:
+    longest = every * (_MAX_SEARCHED_ROWS // recordings)
+    if rows <= longest:
         return [(0, 0, rows)]
-    length, spacing = most // _WINDOWS, rows // _WINDOWS
+    length, spacing = longest // _WINDOWS, rows // _WINDOWS
     warming = int(_WARMUP_SHARE * length)
     starts = [k * spacing for k in range(_WINDOWS)]
     return [(start, start + warming, start + length) for start in starts]

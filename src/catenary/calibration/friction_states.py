@@ -33,10 +33,10 @@ class FrictionStates:
     def __post_init__(self) -> None:
         n, m, systems = len(self.positions), len(self.directions), len(self.thresholds)
         shapes = {"longest": (n,), "directions": (m, n), "mutual": (m, m), "hold": (m, n), "lever": (n, m)}
-        found = {name: np.shape(getattr(self, name)) for name in shapes}
-        fits = found == shapes and np.shape(self.thresholds) == (systems, m) and min(n, m, systems) > 0
+        actual = {name: np.shape(getattr(self, name)) for name in shapes}
+        fits = actual == shapes and np.shape(self.thresholds) == (systems, m) and min(n, m, systems) > 0
         if not fits or len(set(self.positions)) != n or not min(self.longest) > 0.0:
-            raise InputError(f"friction states of {', '.join(self.positions)}: matrices do not fit together, {found}")
+            raise InputError(f"friction states of {', '.join(self.positions)}: matrices do not fit together, {actual}")
         if not all(self.mutual[k][k] > 0.0 for k in range(m)) or min(map(min, self.thresholds)) < 0.0:
             raise InputError("friction states: expected compliances above zero and thresholds of zero or more")
 

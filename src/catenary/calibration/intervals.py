@@ -86,7 +86,7 @@ def widen(
                 if far[row, 0] <= reach[0]:
                     interval[row, joint] = own
                 elif far[row, 0] >= reach[1]:
-                    interval[row, joint] = edge[joint]
+                    interval[row, joint] = edge[joint] * (far[row, 0] if far[row, 0] > 1.0 else 1.0)
                 else:
                     share = (far[row, 0] - reach[0]) / (reach[1] - reach[0])
                     interval[row, joint] = own + (edge[joint] - own) * share

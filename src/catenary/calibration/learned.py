@@ -42,6 +42,7 @@ BLOCKS = 6
 _FAR_DEVIATIONS = 8.0  # robust standard deviations of a joint's errors beyond which a row is down-weighted
 _REWEIGHTINGS, _COLUMNS = 3, 64
 _POSITION_LIMIT, _LOAD_LIMIT = 1.15, 4.0  # half ranges; standard deviations
+_OFFSET_RATIO = 2.0  # times the fixed offset's error, beyond which a prediction is not trusted; set on even seeds
 _RESOLUTION_SI = 1e-7  # [rad|m] errors below the resolution of any encoder
 _ZERO_PENALTY, _MIN_ZEROED = 300.0, 3  # rows; recordings: with fewer, differences of their zeros may be chance
 _EVERY = 3  # one play state in so many gets product terms
@@ -82,13 +83,13 @@ def groups_of(terms: Terms, features: FeatureSet, columns: Integers, joint: str)
     along = {c for c, (name, _) in features.play_columns.items() if name in paths}
     names, is_state = [features.names[c] for c in columns], features.bounded[columns]
     kinds, owners = term_owners(terms, [features.owners[c] for c in columns])
-    found = []
+    groups = []
     for k, (kind, owner) in enumerate(zip(kinds, owners, strict=True)):
         if kind == "feature":
             kind = ("path" if columns[k] in along else "memory") if is_state[k] else kind
             owner = joint if names[k] in coupled else owner
-        found.append(0 if kind == "feature" else 7 if kind == "product" else _OF_KIND[kind][owner == joint])
-    return np.array(found)
+        groups.append(0 if kind == "feature" else 7 if kind == "product" else _OF_KIND[kind][owner == joint])
+    return np.array(groups)
 
 
 class _Sums(NamedTuple):
@@ -129,10 +130,10 @@ def fit_learned(
         solved = np.array([_solved(total, of_terms[k], k) for k in range(Y.shape[1])]).T
         grown = None
         if chosen:
-            wanted = (Y - sums.middle) / sums.spread - zeros @ solved[len(terms) : -1]
+            targets = (Y - sums.middle) / sums.spread - zeros @ solved[len(terms) : -1]
             means = sums.mean, sums.scale
             rows = TrainedRows(X, [*columns.tolist()], features, joints)
-            grown = leverage(rows, terms, means, wanted, sums.weight, of_terms[:, : len(terms)], block)
+            grown = leverage(rows, terms, means, targets, sums.weight, of_terms[:, : len(terms)], block, _OFFSET_RATIO)
     of_zeros = zeros.mean(axis=0) @ solved[len(terms) : -1]
     weights = solved[: len(terms)] * sums.spread / sums.scale[:, None]
     bias = (solved[-1] + of_zeros) * sums.spread + sums.middle - sums.mean @ weights

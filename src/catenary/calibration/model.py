@@ -57,7 +57,7 @@ class JointGroup:
             )
 
     def steps(
-        self, X: Floats, known: Flags, prediction: Floats, far: Floats, beyond: Floats, fades: bool
+        self, X: Floats, known: Flags, prediction: Floats, far: Floats, beyond: Floats, fades_at: float
     ) -> list[Step]:
         """Return steps from features X (N, F) to predictions (N, m), which rows are known (N,), and how far."""
         taken, watched = np.empty((len(X), len(self.columns))), np.empty((len(X), len(self.watched)))
@@ -65,9 +65,14 @@ class JointGroup:
             Step(arithmetic.take, (X, self.columns), (taken,)),
             Step(arithmetic.finite, (taken,), (known,)),
             Step(arithmetic.take, (X, self.watched), (watched,)),
-            *self.valid_range.steps(watched, known, far, to_edges=fades),
+            *self.valid_range.steps(watched, known, far, to_edges=fades_at > 0.0),
+            *(self._farther(taken, far, known, fades_at) if fades_at > 1.0 else ()),
             *self.predictor.steps(taken, prediction, beyond),
         ]
+
+    def _farther(self, taken: Floats, far: Floats, known: Flags, farthest: float) -> list[Step]:
+        limits = np.zeros(1), np.full(1, farthest)
+        return [Step(arithmetic.finite, (taken,), (known,)), Step(arithmetic.between, (far, *limits), (known,))]
 
 
 @dataclass(frozen=True, repr=False)
@@ -140,12 +145,12 @@ class CalibrationModel(OnScreen):
     @property
     def widening(self) -> Floats | None:
         """How many times larger an error is where joints meet otherwise than in training, (n,); None of other kinds."""
-        found = np.ones(len(self.joint_names))
+        factors = np.ones(len(self.joint_names))
         for group in self.groups:
             if group.predictor.leverage is None:
                 return None
-            found[list(group.joints)] = group.predictor.leverage.widening
-        return found
+            factors[list(group.joints)] = group.predictor.leverage.widening
+        return factors
 
     @property
     def asked_of_reports(self) -> list[str]:
@@ -153,8 +158,8 @@ class CalibrationModel(OnScreen):
         taken = {"q_nominal", *(signal.partition(":")[0] for signal in self.features.signals)}
         keys = [key for key in self.mends if key.partition(":")[2] in taken and not key.startswith("units")]
         done = [f"--{key.partition(':')[0]} {text}" for key in keys for text in self.mends[key]]
-        said = f"the model was trained on recordings corrected by {' '.join(done)}: correct the robot's reports too"
-        return [said] if done else []
+        note = f"the model was trained on recordings corrected by {' '.join(done)}: correct the robot's reports too"
+        return [note] if done else []
 
     def inside(self, X: Floats) -> Flags:
         """Return flags (N, n) of features (N, F) within each joint's valid range; see `correct`."""
@@ -193,21 +198,21 @@ class CalibrationModel(OnScreen):
         lower, upper = np.outer((-ANY_SIZE, ANY_SIZE), np.ones(n)) if self.limits is None else self.limits
         believed = (MAX_CORRECTION_RATIO * self.largest, lower - self.largest, upper + self.largest)
         adjustment = np.vstack([np.full((1, n), float(self.target == "position")), self.adjusted])
-        fades = self.kind in MODEL_KINDS and MODEL_KINDS[self.kind].fades
+        fades_at = MODEL_KINDS[self.kind].fades_at if self.kind in MODEL_KINDS else 0.0
         for group in self.groups:
             joints, leverage = np.array(group.joints, dtype=np.int64), group.predictor.leverage
             known, prediction = np.empty(len(X), dtype=bool), np.empty((len(X), len(joints)))
             far, beyond = np.zeros((len(X), 1)), np.zeros((len(X), 1))
-            steps += group.steps(X, known, prediction, far, beyond, fades)
-            fade = np.array([_FADES_FROM, 1.0] if fades else [ANY_SIZE, 2.0 * ANY_SIZE])
+            steps += group.steps(X, known, prediction, far, beyond, fades_at)
+            fade = np.array([_FADES_FROM, 1.0]) * (fades_at or ANY_SIZE)
             farthest = np.full(len(joints), ANY_SIZE)
-            if leverage is not None and leverage.farthest is not None and not fades:
+            if leverage is not None and leverage.farthest is not None:
                 farthest = leverage.farthest
-            asked = prediction, known, beyond, farthest, q, joints, far, fade, adjustment, self.offset
-            steps.append(Step(choose, (*asked, *believed), (correction, inside)))
+            inputs = prediction, known, beyond, farthest, q, joints, far, fade, adjustment, self.offset
+            steps.append(Step(choose, (*inputs, *believed), (correction, inside)))
             if interval is not None and self.intervals is not None:
                 seen, factor = group.valid_range.seen, np.zeros(len(joints)) if leverage is None else leverage.factor
-                reach = fade if fades else np.array([seen, 0.5 * (seen + 1.0)])
+                reach = np.array([_FADES_FROM, 1.0] if fades_at else [seen, 0.5 * (seen + 1.0)])
                 widths = (beyond, factor, self.intervals.inside, self.intervals.outside, reach)
                 steps.append(Step(widen, (far, leaping, inside, q, joints, *widths), (interval,)))
         return steps

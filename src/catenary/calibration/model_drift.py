@@ -132,12 +132,12 @@ def find_card_drift(cards: Sequence[tuple[str, Card, Floats | None]], *, factor:
     return DriftFound(names, units, tuple(stretches), judged)
 
 
-def since_in_words(found: DriftFound) -> list[str]:
+def since_in_words(drift: DriftFound) -> list[str]:
     """Return a sentence for each joint on which the model no longer holds."""
     lines = []
-    for name, first in zip(found.joint_names, found.since, strict=True):
+    for name, first in zip(drift.joint_names, drift.since, strict=True):
         if first is not None:
-            stretch = found.stretches[first]
+            stretch = drift.stretches[first]
             when = stretch.date or f"recording {stretch.recording}, homing {stretch.homing}"
             lines.append(f"{name}: beyond since {when}")
     return lines

@@ -69,13 +69,13 @@ def load_model(path: Path, own: Named | Sequence[Named] | None = None) -> tuple[
         for key, values in arrays.items():
             if values.dtype.kind == "f" and not np.isfinite(values).all():
                 raise ValueError(f"{key} holds NaN or infinity")
-        found = json_table(str(arrays["structure"]), "structure")
-        if (version := found.pop("format", None)) not in (_FORMAT, _BEFORE):
+        structure = json_table(str(arrays["structure"]), "structure")
+        if (version := structure.pop("format", None)) not in (_FORMAT, _BEFORE):
             raise FileFormatError(
                 f"{path}: model format {shortened(version)}, expected {_FORMAT!r}: another version wrote it; {remedy}"
             )
-        renewed = arrays if version == _FORMAT else _renew(found, arrays)
-        model = parse_settings(found, CalibrationModel, "structure", renewed)
+        renewed = arrays if version == _FORMAT else _renew(structure, arrays)
+        model = parse_settings(structure, CalibrationModel, "structure", renewed)
         if model.kind in RETIRED or model.preset == "best":
             name = f"{model.kind} {model.preset or ''}".strip()
             _log.warning("%s: models of kind %s are no longer fitted and less accurate: fit again", path, name)
@@ -98,14 +98,14 @@ def load_model(path: Path, own: Named | Sequence[Named] | None = None) -> tuple[
     return with_estimators(model, own), card
 
 
-def _renew(found: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+def _renew(structure: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Bring the structure of a file of the format before up to date; return its arrays, with those that it now has."""
-    arrays, (features, intervals) = dict(arrays), (found.get("features") or {}, found.get("intervals") or {})
+    arrays, (features, intervals) = dict(arrays), (structure.get("features") or {}, structure.get("intervals") or {})
     intervals.pop("margin", None)
-    skipping = [g for g in found["groups"] if g["predictor"].pop("skip", None)]
+    skipping = [g for g in structure["groups"] if g["predictor"].pop("skip", None)]
     if features.pop("midlines", None) or skipping:
         raise InputError("it uses torque midlines or a network's linear part, no longer supported: fit again")
-    for k, group in enumerate(found["groups"]):
+    for k, group in enumerate(structure["groups"]):
         own: dict[str, Any] = group["predictor"]
         old: dict[str, Any] = {key: arrays.get(v, v) if isinstance(v, str) else v for key, v in own.items()}
         match old.pop("kind"):

@@ -20,7 +20,8 @@ class ModelKind:
 
     How far beyond the training data a model may go is a share of their range. A regression's leverage tells where it
     knows less than the fixed offset (extrapolation.py), so that it may go far; of others half a range is known, and a
-    range along principal axes: farther, drawn arms err half as much, but intervals that were to hold 90 % hold 63 %.
+    range along principal axes: farther, drawn arms err half as much, but intervals that were to hold 90 % hold 63 %. So
+    the learned model goes on to twice as far, and its intervals are the fixed offset's there.
 
     Args:
         name, words: Name as typed, and description in the help.
@@ -32,7 +33,8 @@ class ModelKind:
         of_error: It is fitted to the joint error, whatever the target.
         beyond: How far beyond the box of the training data it may go.
         along_axes: The same along principal axes.
-        fades: Before the edge of the valid range it goes over to the fixed offset.
+        fades_at: How far out it has become the fixed offset, smoothly: 1 at the edge of the valid range, 2 twice as far
+            from its middle, with intervals as at the edge; 0 if it leaps there.
         in_c: It can be written as C.
     """
 
@@ -46,17 +48,17 @@ class ModelKind:
     of_error: bool = False
     beyond: float = 1.5
     along_axes: float = _UNBOUNDED
-    fades: bool = False
+    fades_at: float = 0.0
     in_c: bool = True
 
     def __str__(self) -> str:
         return f"{self.name}: {self.words}"
 
-    def fit(self, X: "Floats", Y: "Floats", **given: Any) -> "AnyPredictor":
+    def fit(self, X: "Floats", Y: "Floats", **arguments: Any) -> "AnyPredictor":
         """Fit outputs Y (N, m) to features X (N, F); of the arguments given, the kind gets what it takes."""
         function = getattr(self._module, self.fitted_by.partition(":")[2])
         settings = {} if self.settings is None else {"settings": self.own_settings}
-        fitted: AnyPredictor = function(X, Y, **settings, **{name: given[name] for name in self.takes})
+        fitted: AnyPredictor = function(X, Y, **settings, **{name: arguments[name] for name in self.takes})
         return fitted
 
     @property
@@ -92,7 +94,7 @@ _KINDS = (
         play_shares=_PLAY_SHARES,
         beyond=0.5,
         along_axes=1.0,
-        fades=True,
+        fades_at=2.0,
     ),
     ModelKind(
         "own",
@@ -102,7 +104,7 @@ _KINDS = (
         play_shares=_PLAY_SHARES,
         beyond=0.5,
         along_axes=1.0,
-        fades=True,
+        fades_at=1.0,
         in_c=False,
     ),
 )

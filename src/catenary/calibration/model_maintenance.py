@@ -40,8 +40,8 @@ def judge_recordings(
     try:
         return recordings.judged(accept, testing=not learning, trained=trained_positions(model), done=done).notes
     except DataError as error:
-        said = [f'"{log.name}" was {n}' for log in recordings.logs for n in log.notes if n.startswith(AS_TRAINED)]
-        raise DataError("\n".join([str(error), *said]), error.names) from error
+        corrected = [f'"{log.name}" was {n}' for log in recordings.logs for n in log.notes if n.startswith(AS_TRAINED)]
+        raise DataError("\n".join([str(error), *corrected]), error.names) from error
 
 
 def mended_as_trained(model: CalibrationModel, log: MotionLog, own: Mend = NO_MEND) -> MotionLog:
@@ -66,10 +66,10 @@ def trained_limits(
         asked: Limits asked for; the model's own when None.
         as_trained: Whether the model's own limits apply where none are asked for.
     """
-    found = card.get("run", {}).get("max_error") if as_trained and asked is None else None
-    if found is None:
+    kept = card.get("run", {}).get("max_error") if as_trained and asked is None else None
+    if kept is None:
         return asked, []
-    limits = tuple(np.inf if limit is None else float(limit) for limit in found)
+    limits = tuple(np.inf if limit is None else float(limit) for limit in kept)
     text = ",".join(f"{limit:g}" for limit in limits)
     return limits, [f"{AS_TRAINED}: --max-error {text}; --as-is takes all rows"]
 
@@ -124,10 +124,10 @@ def refresh_with(
             raise InputError(
                 f'recording "{log.name}": the model was fitted to it or refreshed with it; expected one of a new day'
             )
-    found = judge_recordings(model, recordings, accept=accept, learning=True, done="refreshed")
+    judged = judge_recordings(model, recordings, accept=accept, learning=True, done="refreshed")
     data = usable_rows(recordings, model.features)
     refreshed = refresh_model(model, data, recordings)
-    notes = (*data_notes(recordings.logs, data), *found, *refreshed.notes)
+    notes = (*data_notes(recordings.logs, data), *judged, *refreshed.notes)
     return NewDay(refreshed, refreshed_card(card, refreshed, data, sha256=sha256), data, notes)
 
 
@@ -174,5 +174,5 @@ def moved_in_words(changes: tuple[JointChange, ...], since: str | None) -> str:
 def last_date(card: Card) -> str | None:
     """Return the date of the last recording that a model was fitted to or refreshed with (ISO 8601); None unknown."""
     days = [day["recorded"] for day in card.get("refreshed", [])[-1:] if day.get("recorded")]
-    found = days[0] if days else card.get("recorded")
-    return None if found is None else str(found)
+    date = days[0] if days else card.get("recorded")
+    return None if date is None else str(date)

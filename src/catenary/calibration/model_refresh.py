@@ -79,14 +79,14 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, recordings: Re
     old, seen = model.correction(data.X, data.q_nominal), _swept(model, data)
     nothing = np.zeros((*data.error.shape, 0))
     day, notes, names = _Day(model, data, np.zeros(0), nothing), list[str](), list(model.joint_names)
-    found = day.mean(block, seen)
+    mean = day.mean(block, seen)
     how = [""] * len(names)
     if recordings is not None and model.features.friction is not None:
         coupled = [name.removeprefix("q:") for name in model.features.friction.positions]
         other = _at_its_level(day, recordings, block, seen)
         shown = other.mean(block, seen)
-        if _pays_level(found.left, shown.left, block, [names.index(name) for name in coupled]):
-            day, found = other, shown
+        if _pays_level(mean.left, shown.left, block, [names.index(name) for name in coupled]):
+            day, mean = other, shown
             how = [FRICTION_LEVEL if name in coupled else "" for name in names]
             factors = zip(coupled, np.exp(day.level).tolist(), strict=False)
             notes.append(f"friction of this day over the model's: {', '.join(f'{n} {f:.2f}' for n, f in factors)}")
@@ -96,13 +96,13 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, recordings: Re
         if not inside.all():
             notes.append(f"{name}: {1.0 - inside.mean():.1%} of the new rows lie outside the valid range")
         rows = day.used(j)
-        if _pays(day.residual[rows, j], found.left[rows, j], block[rows]):
+        if _pays(day.residual[rows, j], mean.left[rows, j], block[rows]):
             how[j] = ", ".join(filter(None, (how[j], ZERO_AND_SCALE)))
             if seen[j][1] < MIN_SWEEPS:
                 notes.append(_too_local(name, seen[j]))
-            slopes, zero = found.slopes[j], found.zeros[j]
+            slopes, zero = mean.slopes[j], mean.zeros[j]
             moved[j] = (zero + day.correction[rows, j] * slopes[0] + data.q_nominal[rows, j] * slopes[1]).mean()
-            left[:, j] = np.where(rows, found.left[:, j], left[:, j] - moved[j])
+            left[:, j] = np.where(rows, mean.left[:, j], left[:, j] - moved[j])
             adjustment[:, j] = adjustment[:, j] * (1.0 + slopes[0]) + [0.0, slopes[1], zero]
     refreshed = replace(
         day.model, offset=model.offset + moved, adjustment=adjustment, largest=np.full(len(names), ANY_SIZE)
@@ -246,7 +246,7 @@ def trained_range(model: CalibrationModel, joint: int) -> tuple[float, float]:
 
 def _swept(model: CalibrationModel, data: CalibrationData) -> list[tuple[float, int]]:
     """Return the share of each joint's trained range in new rows, and the number of sweeps over half of it."""
-    found = []
+    swept = []
     for joint, q in enumerate(data.q_nominal.T):
         box = trained_range(model, joint)[1]
         sweeps, low, high, up = 0, q[0], q[0], None
@@ -257,8 +257,8 @@ def _swept(model: CalibrationModel, data: CalibrationData) -> list[tuple[float, 
                 sweeps, up, low = sweeps + 1, False, value
             low, high = min(low, value), max(high, value)
         # where nothing is known of its training, each row is a sweep
-        found.append((float(np.ptp(q)) / box, sweeps) if box > 0.0 else (1.0, len(q)))
-    return found
+        swept.append((float(np.ptp(q)) / box, sweeps) if box > 0.0 else (1.0, len(q)))
+    return swept
 
 
 def _too_local(name: str, seen: tuple[float, int]) -> str:

@@ -197,14 +197,14 @@ def _train(X: Floats, Y: Floats, settings: NetworkSettings, seed: int, progress:
     # an output that a constant gives exactly gets no ripple from the network
     out_scale = np.where(np.ptp(target, axis=0) > 1e-9, out_scale, 0.0)
     # single precision trains twice as fast, as Keras does
-    Z, wanted = ((X - mean) / scale).astype(np.float32), target.astype(np.float32)
+    Z, targets = ((X - mean) / scale).astype(np.float32), target.astype(np.float32)
     rng = np.random.default_rng(seed)
-    network = TrainedNetwork((Z.shape[1], *settings.hidden, wanted.shape[1]), seed)
+    network = TrainedNetwork((Z.shape[1], *settings.hidden, targets.shape[1]), seed)
     for epoch in range(settings.epochs):
         order = rng.permutation(len(Z))
         for rows in np.array_split(order, range(settings.batch, len(Z), settings.batch)):
             network.step(
-                network.gradient(Z[rows], wanted[rows], settings.l2, settings.penalties), settings.learning_rate
+                network.gradient(Z[rows], targets[rows], settings.l2, settings.penalties), settings.learning_rate
             )
         progress((epoch + 1) / settings.epochs)
     weights, biases = (tuple(layer.astype(np.float64) for layer in some) for some in (network.weights, network.biases))

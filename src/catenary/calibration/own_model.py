@@ -40,8 +40,8 @@ def chosen(model: Any) -> tuple[str, Any]:
     """Return the kind of a model, and the estimator or function of one's own; text is a kind or "module:name"."""
     if isinstance(model, str) and ":" not in model:
         return model, None
-    found = named(model) if isinstance(model, str) else model
-    return OWN, found() if isinstance(found, type) else found
+    estimator = named(model) if isinstance(model, str) else model
+    return OWN, estimator() if isinstance(estimator, type) else estimator
 
 
 def named(name: Named) -> Any:
@@ -75,10 +75,10 @@ def fit_own(X: Floats, Y: Floats, *, estimator: Any, seed: int) -> OwnFunction:
         plain = np.zeros(inputs), np.ones(inputs), np.zeros(outputs), np.ones(outputs)
         return OwnFunction(name_of(estimator), *plain, (estimator,))
     (mean, scale), (out_mean, out_scale) = standardisation(X), standardisation(Y)
-    Z, wanted = (X - mean) / scale, (Y - out_mean) / out_scale
-    out_scale = np.where(np.ptp(wanted, axis=0) > 1e-9, out_scale, 0.0)  # a constant gets no ripple
+    Z, normalised = (X - mean) / scale, (Y - out_mean) / out_scale
+    out_scale = np.where(np.ptp(normalised, axis=0) > 1e-9, out_scale, 0.0)  # a constant gets no ripple
     is_tagged = outputs > 1 and hasattr(estimator, "__sklearn_tags__")
-    targets = [wanted] if is_tagged and get_tags(estimator).target_tags.multi_output else wanted.T
+    targets = [normalised] if is_tagged and get_tags(estimator).target_tags.multi_output else normalised.T
     with threadpool_limits(limits=1):
         fitted = tuple(_fitted(estimator, seed, Z, np.ascontiguousarray(target)) for target in targets)
     return OwnFunction(name_of(estimator), mean, scale, out_mean, out_scale, fitted)
@@ -167,17 +167,17 @@ def _unpacked(content: bytes, main: Any, classes: Sequence[Any]) -> Any:
     if others := [item for item in unknown if not _is_class_of(packages, item)]:
         raise InputError(f"model of {name_of(main)}: also holds {', '.join(others)}: name them too")
     with reading(what, "skops writes it", (*UNREADABLE, ImportError)):
-        found = skops.loads(content, trusted=unknown)
-    if type(found) is not main:
-        raise FileFormatError(f"estimator: expected {name_of(main)}, got {name_of(found)}")
-    return found
+        estimator = skops.loads(content, trusted=unknown)
+    if type(estimator) is not main:
+        raise FileFormatError(f"estimator: expected {name_of(main)}, got {name_of(estimator)}")
+    return estimator
 
 
 def _is_class_of(packages: set[str], name: str) -> bool:
     """Return True if a name is of a class that one of these packages, which the caller named, defines."""
     module, _, attribute = name.rpartition(".")
-    found = getattr(import_module(module), attribute, None) if module.partition(".")[0] in packages else None
-    return isinstance(found, type) and found.__module__.partition(".")[0] in packages
+    kind = getattr(import_module(module), attribute, None) if module.partition(".")[0] in packages else None
+    return isinstance(kind, type) and kind.__module__.partition(".")[0] in packages
 
 
 def _skops() -> Any:

@@ -186,10 +186,10 @@ class OwnFunction(Predictor):
         if not known.any():
             return
         Z = (X[known] - self.mean) / self.scale
-        found = [np.asarray(getattr(part, "predict", part)(Z), dtype=float) for part in self.fitted]
-        columns = [values.reshape(len(Z), -1) for values in found if values.shape[:1] == (len(Z),)]
+        predictions = [np.asarray(getattr(part, "predict", part)(Z), dtype=float) for part in self.fitted]
+        columns = [values.reshape(len(Z), -1) for values in predictions if values.shape[:1] == (len(Z),)]
         if sum(values.shape[1] for values in columns) != Y.shape[1]:
-            shapes = ", ".join(str(values.shape) for values in found)
+            shapes = ", ".join(str(values.shape) for values in predictions)
             raise InputError(f"model of {self.name}: expected {Y.shape[1]} outputs of {len(Z)} rows, got {shapes}")
         Y[known] = np.hstack(columns) * self.out_scale + self.out_mean
 

@@ -85,7 +85,7 @@ def error_limits(max_error: Sequence[float] | None, log: MotionLog) -> Floats | 
             f"max error: expected {len(log.joint_names)} positive numbers (deg, mm), one per joint, "
             f"got {list(max_error)}"
         )
-    return np.array([most / DISPLAY[unit][1] for most, unit in zip(max_error, log.joint_units, strict=True)])
+    return np.array([bound / DISPLAY[unit][1] for bound, unit in zip(max_error, log.joint_units, strict=True)])
 
 
 def sampling_rate(log: MotionLog) -> float | None:

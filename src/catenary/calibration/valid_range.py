@@ -94,7 +94,7 @@ def choose(
     q: Floats,  # (N, n) reported positions; where one is not finite, nothing is known of that joint
     joints: Integers,  # (m,) which of the n joints
     far: Floats,  # (N, 1) see `intervals.distance_outside`
-    fade: Floats,  # (2,) from where to where on the way out a prediction becomes the fixed offset
+    fade: Floats,  # (2,) from where to where on the way out, by `far` or leverage, it becomes the fixed offset
     adjustment: Floats,  # (4, n) share of q in a prediction; factors of its error and of q, and what is added
     offset: Floats,  # (n,) fixed offsets
     reach: Floats,  # (n,) largest errors that are believed
@@ -113,7 +113,10 @@ def choose(
             trusted = trusted and np.isfinite(position) and abs(error) <= reach[joint]
             trusted = trusted and lower[joint] <= position + error <= upper[joint]
             correction[row, joint] = error if trusted else offset[joint]
-            if trusted and far[row, 0] > fade[0]:
-                share = (far[row, 0] - fade[0]) / (fade[1] - fade[0])
+            way = far[row, 0]
+            if farthest[k] > 0.0 and beyond[row, 0] > way * farthest[k]:
+                way = beyond[row, 0] / farthest[k]
+            if trusted and way > fade[0]:
+                share = (way - fade[0]) / (fade[1] - fade[0])
                 correction[row, joint] += (share if share < 1.0 else 1.0) * (offset[joint] - error)
             inside[row, joint] = trusted
