@@ -101,7 +101,7 @@ def unseen_by_blocks(
     speeds = np.concatenate([speeds_of(log) for log in logs])
     rms, within = np.sqrt(np.mean(speeds**2, axis=0)), np.quantile(speeds, level, axis=0)
     left = np.sqrt(np.mean(np.square(errors.after_model), axis=0))
-    bounds = np.zeros((3, len(rms)))
+    bounds, even = np.zeros((3, len(rms))), np.zeros(len(rms), dtype=bool)
     for j, name in enumerate(logs[0].joint_names):
         own = np.array([own[1:] for delay in delays if delay is not None for own in delay.alone if own[0] == name])
         if not len(own):
@@ -116,8 +116,9 @@ def unseen_by_blocks(
         if not is_even:
             slope = _slope_on_speed(errors.after_model[:, j], rates[:, j], errors.block)
             upper = min(left[j] * math.sqrt(along / (1.0 - along)), slope * rms[j])
+        even[j] = is_even
         bounds[:, j] = high, max(min(high * rms[j], upper), likely * rms[j]), likely * within[j]
-    return DelayMargin(*bounds)
+    return DelayMargin(bounds[0], bounds[1], bounds[2], even)
 
 
 def _slope_on_speed(left: Floats, rate: Floats, block: Integers) -> float:
