@@ -249,9 +249,9 @@ def _by_minutes(o: Outcomes) -> TitledTable:
 def sentence(o: Outcomes) -> str:
     """Return in sentences which path leaves the least error, beside the paper's zig-zag for the same time."""
 
-    def errors_of(name: str, length: Sequence[float], model: str = recordings.NETWORK) -> str:
+    def error(name: str, length: Sequence[float], model: str = recordings.NETWORK) -> str:
         left = zip(middle(o, name, length, model), UNITS, strict=True)
-        return ", ".join(f"{error:.3f} {unit}" for error, unit in left)
+        return ", ".join(f"{value:.3f} {unit}" for value, unit in left)
 
     def back(name: str) -> str:
         return ", ".join(f"{count:.0f}" for count in middle(o, name, SHORT, "reversals"))
@@ -259,9 +259,9 @@ def sentence(o: Outcomes) -> str:
     best = min(PATHS, key=lambda name: float(np.prod(middle(o, name, SHORT, recordings.NETWORK))))
     return (
         f'Of all paths that take {seconds_of(o, SHORT)}, "{best}", whose joints turn back {back(best)} times, leaves '
-        f"the network least: {errors_of(best, SHORT)}, where the zig-zag {ZIGZAG}, whose joints turn back {back(ZIGZAG)} "
-        f"times, leaves {errors_of(ZIGZAG, SHORT)}, and {errors_of(ZIGZAG, LONG)} after {seconds_of(o, LONG)}. The learner "
-        f'leaves {errors_of(best, SHORT, LEARNER)} along "{best}" and {errors_of(RANDOM, SHORT, LEARNER)} in random motion.'
+        f"the network least: {error(best, SHORT)}, where the zig-zag {ZIGZAG}, whose joints turn back {back(ZIGZAG)} "
+        f"times, leaves {error(ZIGZAG, SHORT)}, and {error(ZIGZAG, LONG)} after {seconds_of(o, LONG)}. The learner "
+        f'leaves {error(best, SHORT, LEARNER)} along "{best}" and {error(RANDOM, SHORT, LEARNER)} in random motion.'
     )
 
 

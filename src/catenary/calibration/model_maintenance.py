@@ -58,17 +58,17 @@ def mended_as_trained(model: CalibrationModel, log: MotionLog, own: Mend = NO_ME
 
 
 def trained_limits(
-    card: Card, asked: tuple[float, ...] | None = None, *, as_trained: bool = True
+    card: Card, max_error: tuple[float, ...] | None = None, *, as_trained: bool = True
 ) -> tuple[tuple[float, ...] | None, list[str]]:
     """Return the errors beyond which rows are left out [deg|mm], and notes.
 
     Args:
-        asked: Limits asked for; the model's own when None.
+        max_error: Limits; the model's own when None.
         as_trained: Whether the model's own limits apply where none are asked for.
     """
-    kept = card.get("run", {}).get("max_error") if as_trained and asked is None else None
+    kept = card.get("run", {}).get("max_error") if as_trained and max_error is None else None
     if kept is None:
-        return asked, []
+        return max_error, []
     limits = tuple(np.inf if limit is None else float(limit) for limit in kept)
     text = ",".join(f"{limit:g}" for limit in limits)
     return limits, [f"{AS_TRAINED}: --max-error {text}; --as-is takes all rows"]

@@ -288,7 +288,7 @@ def _completion(name: str, encoding: Encoding) -> _Change:
     kind, parts = message_class(name), fields(name)[len(lacking) :]
     changes = [(k, change) for k, field in enumerate(parts) if (change := _completed(field, encoding))]
     if not parts:
-        return lambda given: kind()
+        return lambda fields: kind()
     values_of = attrgetter(*(field.name for field in parts))
 
     def complete(fields: Any) -> Message:

@@ -154,17 +154,17 @@ class Subscription:
         """Return new messages, oldest first; wait for the first up to `timeout` [s]."""
         return [Received(one.message, one.time) for one in self.take_arrivals(timeout)]
 
-    def take_arrivals(self, timeout: float = 0.0, most: int | None = None) -> list[Arrival]:
-        """As `take`, with what is known about where each message came from; `most` at a time, where given."""
+    def take_arrivals(self, timeout: float = 0.0, limit: int | None = None) -> list[Arrival]:
+        """As `take`, with what is known about where each message came from; `limit` at a time, where given."""
         if timeout <= 0.0 and not self._waiting:
             return []  # as nearly always when asked again in a tick
         with self._inbox.lock:
             if timeout > 0.0:
                 self._inbox.wait_for(self._came, timeout, lambda: self._waiting or self._closed)
-            if most is None or most >= len(self._waiting):
+            if limit is None or limit >= len(self._waiting):
                 waiting, self._waiting = self._waiting, deque()
             else:
-                waiting = deque(self._waiting.popleft() for _ in range(most))
+                waiting = deque(self._waiting.popleft() for _ in range(limit))
         return [decoded for arrival in waiting if (decoded := self._decoded(arrival)) is not None]
 
     def forget(self) -> int:

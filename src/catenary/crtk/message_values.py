@@ -52,7 +52,7 @@ def named_joints(message: Message, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def joint_values(
-    message: Message, names: tuple[str, ...], field: str = "position", *, rest: Floats | None = None
+    message: Message, names: tuple[str, ...], field: str = "position", *, unnamed: Floats | None = None
 ) -> Floats:
     """Return the numbers (n,) of a sensor_msgs/JointState in the order of our joints.
 
@@ -62,7 +62,7 @@ def joint_values(
     Args:
         message, names: The message, and our joints.
         field: "position", "velocity" or "effort".
-        rest: Numbers of joints that are not named (n,); None refuses them.
+        unnamed: Numbers of joints that are not named (n,); None refuses them.
     """
     values = as_array(f"JointState.{field}", getattr(message, field), (None,))
     named = tuple(message.name)
@@ -82,14 +82,14 @@ def joint_values(
         return values
     by_name = dict(zip(named, values, strict=True))
     unknown = [name for name in named if name not in names]
-    absent = [] if rest is not None else [name for name in names if name not in by_name]
+    absent = [] if unnamed is not None else [name for name in names if name not in by_name]
     twice = sorted({name for name in named if named.count(name) > 1})
     if unknown or absent or twice:
         faults = [("unknown", unknown), ("missing", absent), ("given twice", twice)]
         text = "; ".join(f"{fault}: {', '.join(which)}" for fault, which in faults if which)
         raise InputError(f"JointState.name: {text}; the joints are {', '.join(names)}")
-    if rest is not None:
-        by_name = dict(zip(names, rest, strict=True)) | by_name
+    if unnamed is not None:
+        by_name = dict(zip(names, unnamed, strict=True)) | by_name
     return np.array([by_name[name] for name in names])
 
 

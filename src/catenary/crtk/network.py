@@ -197,14 +197,14 @@ def make_transport(ros: str, name: str) -> "Transport":
     return last.make(name, arguments)
 
 
-def node_name(program: str, given: str | None = None) -> str:
+def node_name(program: str, name: str | None = None) -> str:
     """Return a unique node name: ROS 1 ends the older of two programs of one name.
 
     Args:
-        program, given: Program, for catenary_PROGRAM_PID; name given by the user, used instead.
+        program, name: Program, for catenary_PROGRAM_PID; name that the user gives instead.
     """
-    if given is None:
+    if name is None:
         return f"catenary_{re.sub(r'[^A-Za-z0-9_]', '_', program)}_{os.getpid()}"
-    if not re.fullmatch(r"/?[A-Za-z]\w*", given, re.ASCII):
-        raise InputError(f'--name "{given}": expected a letter, then letters, digits and underscores')
-    return given.removeprefix("/")
+    if not re.fullmatch(r"/?[A-Za-z]\w*", name, re.ASCII):
+        raise InputError(f'--name "{name}": expected a letter, then letters, digits and underscores')
+    return name.removeprefix("/")

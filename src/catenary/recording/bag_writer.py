@@ -89,8 +89,8 @@ def copy_messages(source: Source, to: Mapping[str, tuple[Any, Any]], kind: BagKi
     types = {topic.name: current_name(topic.type) for topic in source.topics}
     store = typestore(2)  # its converters know that ROS 2's header lacks seq
 
-    def write(topic: str, name: str, stamp: int, data: bytes | memoryview, given: Encoding) -> None:
-        if given != ("ros1" if kind == "ros1" else "cdr"):
+    def write(topic: str, name: str, stamp: int, data: bytes | memoryview, encoding: Encoding) -> None:
+        if encoding != ("ros1" if kind == "ros1" else "cdr"):
             theirs = ros2_name(name)
             try:
                 data = (store.cdr_to_ros1 if kind == "ros1" else store.ros1_to_cdr)(data, theirs)

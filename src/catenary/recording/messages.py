@@ -163,14 +163,14 @@ def _field(name: str, description: FieldDesc) -> Field:
     return _field(name, element)._replace(length=length)
 
 
-def _difference(found: Typesdict, ros: int) -> str:
+def _difference(types: Typesdict, ros: int) -> str:
     """Return in words the fields of types that differ from ours; empty when there are none."""
     differences = []
-    for part in map(current_name, found):
+    for part in map(current_name, types):
         if part not in MESSAGES:
             continue
         expected = fields_of(typestore(ros).fielddefs[ros2_name(part)][1])
-        got = fields_of(found[ros2_name(part)][1])
+        got = fields_of(types[ros2_name(part)][1])
         lacks = ", ".join(_text(f) for f in expected if f not in got)
         adds = ", ".join(_text(f) for f in got if f not in expected)
         if lacks or adds:

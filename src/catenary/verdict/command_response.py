@@ -134,7 +134,7 @@ def behind_slack(pairs: Pairs, i: int, own: int, allowed: tuple[float, float], *
 
 
 def is_pulled(pairs: Pairs, i: int, own: int) -> bool:
-    """Return whether a joint's command moves so little that other joints' friction explains how it moves instead."""
+    """Say whether a joint's command moves so little that other joints' friction explains how it moves instead."""
     little = _PULLED_RATIO * MOVED_BY_OTHERS_DEG_MM[pairs.log.joint_units[i]]
     follows = np.abs(pairs.correlation[i]) > _FOLLOWING
     whole = np.abs(np.abs(pairs.slope[i]) - 1.0) < _WHOLE_WITHIN  # as far as a command: another joint's column
@@ -171,8 +171,8 @@ def pairs_of(log: MotionLog) -> Pairs | None:
     return Pairs(log, q, m, likely, correlation, slope, moved, seen_moving)
 
 
-def in_stretches(rows: Integers, most: int, command: Floats, time: Floats | None, parts: int = _STRETCHES) -> Integers:
-    """Return `most` usable rows of N, rising: of each part of a long recording where its `command` (N,) moves most.
+def in_stretches(rows: Integers, count: int, command: Floats, time: Floats | None, parts: int = _STRETCHES) -> Integers:
+    """Return `count` usable rows of N, rising: of each part of a long recording where its `command` (N,) moves most.
 
     A joint's zero wanders over hours, which looks like what a delay leaves; within minutes it stays. `time` (N,) [s].
     """
@@ -184,7 +184,7 @@ def in_stretches(rows: Integers, most: int, command: Floats, time: Floats | None
         edges = pairwise(np.arange(parts + 1) * len(rows) // parts)
         begins = [a + int(np.argmax(way[a + long : b + 1] - way[a : b + 1 - long])) for a, b in edges]
         rows = np.concatenate([rows[first : first + long] for first in begins])
-    return rows[spread(len(rows), most)]
+    return rows[spread(len(rows), count)]
 
 
 def speeds_of(log: MotionLog) -> Floats:
@@ -232,16 +232,16 @@ class Explanation:
 
     def __init__(
         self, q: Floats, own: int, moved: Sequence[int], rows: int, radii: Sequence[float] = PLAY_RADII,
-        asked: Sequence[tuple[int, int]] | None = None,
+        stretches: Sequence[tuple[int, int]] | None = None,
     ) -> None:  # fmt: skip
         """Take commands (N, n), those `moved` in units of their ranges, and plays of `radii` in that of its own.
 
-        Plays of rows that lie in none of the stretches `asked`, from first to last rows, are forgotten.
+        Plays of rows that lie in none of the `stretches`, from first to last rows, are forgotten.
         """
         self._q, self._moved, self._own, self._most = q, list(moved), own, rows // 15 - 10
         self._mean, self._range = q.mean(axis=0), np.ptp(q, axis=0)
         z, kept = self._scaled(own, slice(None)), np.zeros(len(q), dtype=bool)
-        for first, last in [(0, len(q) - 1)] if asked is None else asked:
+        for first, last in [(0, len(q) - 1)] if stretches is None else stretches:
             kept[first : last + 1] = True
         self._plays = np.empty((int(kept.sum()), len(radii)), dtype=np.float32)
         self._place = np.cumsum(kept, dtype=np.int32) - np.int32(1)  # of each row's plays

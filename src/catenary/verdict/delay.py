@@ -237,7 +237,7 @@ class _JointLook:
             farthest = 2.0 * coarse[0] - coarse[1], 2.0 * coarse[-1] - coarse[-2]  # finer ones go beyond
             last, first = (np.searchsorted(self.t, self.t[rows] - d) for d in farthest)
             stretches = [*zip(np.maximum(first - 2, 0).tolist(), (last + 2).tolist(), strict=True)]
-        explanation = Explanation(q, own, motion.moved, len(rows), asked=stretches)
+        explanation = Explanation(q, own, motion.moved, len(rows), stretches=stretches)
         self.columns_at = explanation.at(np.arange(len(q))).__getitem__ if few_rows else explanation.at
         few = rows[spread(len(rows), _SCANNED_ROWS)]
         best = coarse[int(np.argmin([np.mean(self.unexplained(few, d) ** 2) for d in coarse]))]
@@ -320,11 +320,11 @@ class _Clocks:
         """Set the joints' fits, the time span [s], and the cost above the minimum that is `certain`."""
         self._looks, self._middle, self._span, self._certain = looks, middle, span, certain
 
-    def cost(self, delay: float, change: float, most: int = MAX_EXPLAINED_ROWS) -> float:
+    def cost(self, delay: float, change: float, max_rows: int = MAX_EXPLAINED_ROWS) -> float:
         """Return the sum of log RSS where the delay in the middle is `delay`, and grows by `change` [s]."""
         total = 0.0
         for look in self._looks:
-            rows = look.rows[spread(len(look.rows), most)]
+            rows = look.rows[spread(len(look.rows), max_rows)]
             left = look.unexplained(rows, delay + change * (look.t[rows] - self._middle) / self._span)
             total += float(np.log(np.mean(left**2) + _RESOLUTION_DEG_MM**2))
         return total

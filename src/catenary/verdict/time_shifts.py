@@ -100,16 +100,16 @@ def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay 
     return clocks or [Finding("delay", (), str(near), refuses=False, delay=known)]
 
 
-def _delay(found: Delay) -> Finding:
+def _delay(delay: Delay) -> Finding:
     setpoint = "where q_nominal is a setpoint, the controller's lag (q_reported tells them apart)"
     late, early = f"stamps of arrival; or, {setpoint}", "commands stamped late, or measurements too early"
-    remedy = f"--delay {found.seconds:.3g}" if found.unit == "s" else f"--shift {round(found.seconds)}"
-    return Finding("delay", (), str(found), late if found.seconds > 0.0 else early, remedy, delay=found)
+    remedy = f"--delay {delay.seconds:.3g}" if delay.unit == "s" else f"--shift {round(delay.seconds)}"
+    return Finding("delay", (), str(delay), late if delay.seconds > 0.0 else early, remedy, delay=delay)
 
 
-def _clock(says: str, found: Delay | None) -> Finding:
+def _clock(says: str, delay: Delay | None) -> Finding:
     expected = f"{says}, expected the same everywhere"
-    return Finding("clock", (), expected, "two clocks that run apart, or rows that one of the two lost", delay=found)
+    return Finding("clock", (), expected, "two clocks that run apart, or rows that one of the two lost", delay=delay)
 
 
 def _lag(log: MotionLog, place: Integers, part: slice, stride: int) -> int:

@@ -141,6 +141,6 @@ def bound_to_all(environment: Mapping[str, str]) -> str | None:
     )
 
 
-def master_uri(given: str | None = None) -> str:
+def master_uri(uri: str | None = None) -> str:
     """URI of the master: the one given, else ROS_MASTER_URI, else this machine's."""
-    return given or os.environ.get("ROS_MASTER_URI") or _DEFAULT_URI
+    return uri or os.environ.get("ROS_MASTER_URI") or _DEFAULT_URI

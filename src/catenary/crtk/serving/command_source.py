@@ -68,9 +68,9 @@ class CommandSource:
         """Drop what waits, and return how many commands that were."""
         return self._subscription.forget()
 
-    def take(self, now: int, most: int = TOPIC_COMMANDS_A_TICK) -> list[Arrival]:
-        """Return those commands that are fresh of the `most` that have waited longest, oldest first; `now` in ns."""
-        came = self._subscription.take_arrivals(most=most)
+    def take(self, now: int, limit: int = TOPIC_COMMANDS_A_TICK) -> list[Arrival]:
+        """Return those commands that are fresh of the `limit` that have waited longest, oldest first; `now` in ns."""
+        came = self._subscription.take_arrivals(limit=limit)
         self._set, self.heard = self._transport.clock.set_by(), {one.process: one.time for one in came}
         self._report_lost(now)
         return [one for one in came if self._is_fresh(one, now)]

@@ -373,15 +373,15 @@ def _jaw_servo_jf(arm: ServedArm, message: Message) -> None:
     arm.push_with(lambda: tau)
 
 
-def _numbers(arm: ServedArm, message: Message, field: str = "position", *, rest: Floats | None = None) -> Floats:
-    """Return a command's numbers (n,); joints that it does not name get those of `rest` (n,), as does a jaw apart."""
+def _numbers(arm: ServedArm, message: Message, field: str = "position", *, unnamed: Floats | None = None) -> Floats:
+    """Return a command's numbers (n,); joints that it does not name, and a jaw apart, get those of `unnamed` (n,)."""
     count, names, n = len(getattr(message, field)), arm.reported, len(arm.reported)
     if not message.name and count != n:
         raise InputError(f"{count} numbers in `{field}`, expected {n}: {', '.join(names)}")
-    values = joint_values(message, names, field, rest=None if rest is None else rest[:n])
+    values = joint_values(message, names, field, unnamed=None if unnamed is None else unnamed[:n])
     if n == len(arm.names):
         return values
-    return np.concatenate([values, np.zeros(len(arm.names) - n) if rest is None else rest[n:]])
+    return np.concatenate([values, np.zeros(len(arm.names) - n) if unnamed is None else unnamed[n:]])
 
 
 def _goal(arm: ServedArm, message: Message) -> Floats:
@@ -391,7 +391,7 @@ def _goal(arm: ServedArm, message: Message) -> Floats:
 
 def _increments(arm: ServedArm, message: Message, field: str = "position") -> Floats:
     """Return a command's changes (n,); joints that are not named stay."""
-    return _numbers(arm, message, field, rest=np.zeros(len(arm.names)))
+    return _numbers(arm, message, field, unnamed=np.zeros(len(arm.names)))
 
 
 def _servo_jp(arm: ServedArm, message: Message) -> None:
@@ -440,14 +440,14 @@ def _servo_js(arm: ServedArm, message: Message) -> None:
         _servo_jf(arm, message)
         return
 
-    def numbers(field: str, bit: int, rest: Floats) -> Floats:
+    def numbers(field: str, bit: int, unnamed: Floats) -> Floats:
         chosen = modes & bit > 0
         if not chosen.any():
-            return rest
+            return unnamed
         values = as_array(f"JointServo.{field}", getattr(message, field), (len(modes),))
         names = np.array(message.name or arm.reported)[chosen]
         named = message_class("sensor_msgs/JointState")(name=tuple(names.tolist()), position=values[chosen])
-        return _numbers(arm, named, rest=rest)
+        return _numbers(arm, named, unnamed=unnamed)
 
     qd = numbers("velocity", _VELOCITY, np.zeros(len(arm.names)))
     if not (modes & _POSITION > 0).any():

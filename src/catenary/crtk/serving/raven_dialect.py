@@ -197,7 +197,7 @@ def _servo_jr(arm: ServedArm, message: Message) -> None:
     if _is_grasp(arm, message):
         arm.increment(arm.jaw_increments(single_number(message)))
     else:
-        arm.increment(joint_values(message, arm.names, rest=np.zeros(len(arm.names))))
+        arm.increment(joint_values(message, arm.names, unnamed=np.zeros(len(arm.names))))
 
 
 def _servo_jp(arm: ServedArm, message: Message) -> None:
@@ -206,12 +206,12 @@ def _servo_jp(arm: ServedArm, message: Message) -> None:
         return
     if len(message.position) != len(arm.names) and not message.name:
         raise InputError(f"servo_jp: {len(message.position)} numbers, expected {len(arm.names)}, or 1 for the grasp")
-    arm.step_towards(joint_values(message, arm.names, rest=arm.setpoint.q))
+    arm.step_towards(joint_values(message, arm.names, unnamed=arm.setpoint.q))
 
 
 def _servo_jv(arm: ServedArm, message: Message) -> None:
     field = "velocity" if len(message.velocity) else "position"  # the robot's own clients use the latter
-    arm.increment(arm.plant.period * joint_values(message, arm.names, field, rest=np.zeros(len(arm.names))))
+    arm.increment(arm.plant.period * joint_values(message, arm.names, field, unnamed=np.zeros(len(arm.names))))
 
 
 def _grasp_servo_jv(arm: ServedArm, message: Message) -> None:

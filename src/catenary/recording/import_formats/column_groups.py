@@ -483,10 +483,10 @@ def _moves(values: NDArray[Any]) -> bool:
 def _units(stream: Stream, pose: PoseColumns) -> tuple[str, str]:
     """Return the units of a pose's position and angles, by the names of its columns or by their size."""
 
-    def unit(columns: Sequence[str], most: float, small: str, large: str) -> str:
+    def unit(columns: Sequence[str], threshold: float, small: str, large: str) -> str:
         named = _POSE_UNIT.search(stream.titled(columns[0])) if columns and stream.type == "table" else None
         sizes = np.abs([stream.numbers(column) for column in columns])
-        return named[1] if named else large if (sizes > most).any() else small
+        return named[1] if named else large if (sizes > threshold).any() else small
 
     return unit(pose.taken[:3], _MAX_POSITION_M, "m", "mm"), unit(pose.taken[3:], _MAX_ANGLE_RAD, "rad", "deg")
 

@@ -30,11 +30,11 @@ _SLIDING, _TURNING = (WORDS["words"][key].split() for key in ("sliding", "turnin
 _IN_WORDS = {"rad": ("rad", "deg"), "m": ("m", "mm")}
 
 
-def nominal_units(one: Candidate, model: RobotModel | None, given: str | None) -> tuple[Units, str, bool]:
+def nominal_units(one: Candidate, model: RobotModel | None, option: str | None) -> tuple[Units, str, bool]:
     """Return the units of q_nominal, how they were inferred, and whether they are certain."""
     n = len(one.columns)
-    if given is not None:
-        units = tuple(unit.strip() for unit in given.split(",") if unit.strip())
+    if option is not None:
+        units = tuple(unit.strip() for unit in option.split(",") if unit.strip())
         return (units * n if len(units) == 1 else units), "as given", True
     if (stated := one.stated_units()) is not None:
         return stated, "by the names of the columns", True
@@ -103,12 +103,12 @@ def _within_limits(model: RobotModel, joint: int, low: float, high: float) -> st
 
 
 def encoder_units(
-    one: Candidate, nominal: Candidate, nominal_in: Sequence[str], given: str | None
+    one: Candidate, nominal: Candidate, nominal_in: Sequence[str], option: str | None
 ) -> tuple[Units, str, bool]:
     """Return the units of q_encoder, how they were inferred, and whether they are certain."""
     if (stated := one.stated_units()) is not None:
         return stated, "by the names of the columns", True
-    if given is not None:
+    if option is not None:
         return tuple(nominal_in), "as given", True
     units, sure = [], True
     for own, other, unit in zip(one.ranges, nominal.ranges, nominal_in, strict=True):

@@ -470,18 +470,18 @@ class TextTable:
         notes = (*stream.notes, f"of about {self._about_rows} rows the first {stream.rows} were looked at")
         return [replace(stream, rows=self._about_rows, notes=notes)]
 
-    def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
+    def parts(self, requested: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
         """Yield columns, some thousand rows at a time."""
-        return ([part] for part in self.streams(wanted[self.path.stem]))
+        return ([part] for part in self.streams(requested[self.path.stem]))
 
-    def streams(self, wanted: Collection[str] | None = None) -> Iterator[Stream]:
+    def streams(self, requested: Collection[str] | None = None) -> Iterator[Stream]:
         """Yield the columns of numbers, or those of them that are wanted, some thousand rows at a time.
 
         Dates are nanoseconds; whole numbers that no float64 can hold stay whole.
         """
         dates = tuple(column.name for column in self.head.columns if column.date is not None)
         options: dict[str, Any] = {"joints": self.head.joints, "dates": dates, "notes": tuple(self.head.notes)}
-        columns = [c for c in self.head.columns if c.kind != "text" and (wanted is None or c.name in wanted)]
+        columns = [c for c in self.head.columns if c.kind != "text" and (requested is None or c.name in requested)]
         kinds = {str(place): _arrow_type(column) for column in columns for place in column.places}
         names = [str(i) for i in range(self.head.width)]
         # Arrow's pool of threads aborts one process in a hundred as it ends
@@ -498,7 +498,7 @@ class TextTable:
             file.seek(self._first_byte)
             for rows in self._rows(file, passed):
                 batches = pa.csv.read_csv(pa.BufferReader(rows), read, parse, convert).combine_chunks().to_batches()
-                if wanted is not None:  # not of a sample
+                if requested is not None:  # not of a sample
                     self._progress(min(1.0, file.tell() / self._size))
                 for batch in batches:
                     numbers = {column.name: _numbers(column, batch, carried) for column in columns}

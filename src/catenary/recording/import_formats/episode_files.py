@@ -40,12 +40,12 @@ _FORMATS = ("", "%m-%d-%Y %H:%M:%S", "%m-%d-%Y")
 _LETTERS = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_- "
 
 
-def read_hdf5(path: Path, wanted: str = "") -> list[Stream]:
+def read_hdf5(path: Path, requested: str = "") -> list[Stream]:
     """Read a file's arrays: of all its episodes one behind the other, or of the wanted one."""
     import h5py
 
     with reading(path, "HDF5", _UNREADABLE), h5py.File(path, "r") as file:
-        return _Content(path, file).streams(wanted)
+        return _Content(path, file).streams(requested)
 
 
 class _Content:
@@ -60,7 +60,7 @@ class _Content:
         self._walk(file)
         self._is_matlab = any("MATLAB_class" in group.attrs for group in self._found.values())
 
-    def streams(self, wanted: str) -> list[Stream]:
+    def streams(self, requested: str) -> list[Stream]:
         """Return the arrays that all episodes have; of a file without episodes, all."""
         of: dict[str, dict[str, str]] = {}  # paths of arrays by their names, by episode
         for path in self._found:
@@ -70,7 +70,7 @@ class _Content:
         outside = of.pop("", {})
         if not of or not set[str].intersection(*map(set, of.values())):
             of, outside = {"": {path: path for path in self._found}}, {}
-        chosen = wanted_episodes(self._path, sorted(of, key=natural), wanted)
+        chosen = wanted_episodes(self._path, sorted(of, key=natural), requested)
         parts = [self._arrays(of[name]) for name in chosen]
         alike = [name for name in parts[0] if len({part[name].shape[1:] if name in part else 0 for part in parts}) == 1]
         self._left += [f"{name} (not alike in all episodes)" for name in parts[0] if name not in alike]
@@ -164,11 +164,11 @@ def _units_of(data: "h5py.Dataset") -> list[str]:
     return [value.decode(errors="replace") if isinstance(value, bytes) else str(value) for value in stated]
 
 
-def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
+def read_lerobot(path: Path, requested: str = "") -> list[Stream]:
     """Read a dataset: all its episodes one behind the other, or the wanted one, with its features' names of joints."""
     info = json_table(read_bounded(path / _INFO, MAX_JSON_BYTES), str(path / _INFO))
     files, version = sorted(path.glob("data/chunk-*/*.parquet")), str(info.get("codebase_version"))
-    number = re.search(r"(\d{1,9})\Z", wanted)
+    number = re.search(r"(\d{1,9})\Z", requested)
     files = [file for file in files if number and file.stem == f"episode_{int(number[1]):06d}"] or files
     if not re.match(r"v[23]\b", version) or not files:
         raise FileFormatError(
@@ -185,7 +185,7 @@ def read_lerobot(path: Path, wanted: str = "") -> list[Stream]:
     columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in shared}
     numbers = columns[_INDEX].astype(np.int64)
     episodes = {f"episode_{number}": number for number in np.unique(numbers).tolist()}
-    chosen = wanted_episodes(path, list(episodes), wanted)
+    chosen = wanted_episodes(path, list(episodes), requested)
     rows = np.isin(numbers, [episodes[name] for name in chosen])
     numbers = numbers[rows]
     fps, starts = info.get("fps"), (0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist())
@@ -215,14 +215,14 @@ def _flat(names: Any) -> list[str]:
     return [names] if isinstance(names, str) and names else []
 
 
-def wanted_episodes(path: Path, names: Sequence[str], wanted: str) -> list[str]:
+def wanted_episodes(path: Path, names: Sequence[str], requested: str) -> list[str]:
     """Return the episodes that are meant: all, or the one of a name or its number, `demo_3`, `episode_000003`, `3`."""
-    short = _short(wanted)
+    short = _short(requested)
     episodes = [
-        name for name in names if wanted in ("", name) or short in (_short(name), _short(name).lstrip(_LETTERS))
+        name for name in names if requested in ("", name) or short in (_short(name), _short(name).lstrip(_LETTERS))
     ]
     if not episodes:
-        raise FileFormatError(f'{path}: no episode "{cut(wanted)}"; its episodes are {listed(names)}')
+        raise FileFormatError(f'{path}: no episode "{cut(requested)}"; its episodes are {listed(names)}')
     return episodes
 
 

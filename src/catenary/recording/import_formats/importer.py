@@ -42,7 +42,7 @@ class _Columns:
     def __init__(self, where: str, mapping: RecordingMapping, streams: Sequence[Stream]) -> None:
         """Find the columns that a mapping names."""
         self._streams = streams
-        self.wanted: dict[str, dict[str, None]] = {}
+        self.requested: dict[str, dict[str, None]] = {}
         self.found: dict[str, _Found] = {}  # of JOINT_QUANTITIES, "ok", "signal NAME" and "pose"
         for key in JOINT_QUANTITIES:
             quantity: Quantity | None = getattr(mapping, key)
@@ -70,8 +70,8 @@ class _Columns:
             self._want([Place(self.tip[0], column) for column in self.tip[1]])
         for stream in streams:
             if stream.name in mapping.reported:
-                self.wanted.setdefault(stream.name, {})
-            if stream.type == "table" and stream.name in self.wanted:
+                self.requested.setdefault(stream.name, {})
+            if stream.type == "table" and stream.name in self.requested:
                 self._want([Place(stream.name, column) for column in times_among(stream, mapping.time)])
 
     @property
@@ -101,7 +101,7 @@ class _Columns:
 
     def _want(self, places: Sequence[Place]) -> None:
         for place in places:
-            self.wanted.setdefault(place.stream, {})[place.column] = None
+            self.requested.setdefault(place.stream, {})[place.column] = None
 
 
 class Synchronisation(NamedTuple):
@@ -123,7 +123,7 @@ def columns_wanted(sources: Sources, mapping: RecordingMapping) -> Mapping[str, 
     Args:
         sources, mapping: Files of the recording, and columns of each quantity.
     """
-    return _Columns(", ".join(path.name for path in sources.paths), mapping, sources.streams).wanted
+    return _Columns(", ".join(path.name for path in sources.paths), mapping, sources.streams).requested
 
 
 def synchronise(
@@ -157,7 +157,7 @@ def synchronise(
     nominal = seen["q_nominal"]
     units, inferred, assumed, more_notes = joint_units_of(mapping, nominal, model, names)
     notes += more_notes
-    streams = sources.read({stream: list(columns) for stream, columns in columns.wanted.items()})
+    streams = sources.read({stream: list(columns) for stream, columns in columns.requested.items()})
     for place in (
         places_of_key["ok"].places if "ok" in places_of_key else ()
     ):  # 1 for a number other than 0, NaN for no number
@@ -225,7 +225,7 @@ def synchronise(
     lost = int((~ok[whole]).sum())
     unseen = "" if measured is None else _by_joint(~np.isfinite(measured[whole]), names)
     notes += [f"{lost} of {int(whole.sum())} rows have no q_encoder{unseen}"] * bool(lost)
-    left = () if mapping.name else not_used(sources.streams, columns.wanted)
+    left = () if mapping.name else not_used(sources.streams, columns.requested)
     notes += [f"not used: {listed(left)}"] * bool(left)
     signals = {
         (key if values.shape[1] == 1 else f"{key}[{i}]"): (column[whole], mapping.signals[key].units)
@@ -458,9 +458,9 @@ def _tracked(
     seen = poses_at(0.0)
     base, marker, tracker_notes = registered(model, tracked, poses.values, poses_at, chosen)
     notes += tracker_notes
-    found, tracker_notes = joints_from_poses(model, tracked, seen, base, marker, chosen)
+    positions, tracker_notes = joints_from_poses(model, tracked, seen, base, marker, chosen)
     notes += tracker_notes
-    return interpolate(Series(poses.stamp, found[:, chosen], poses.report), clock.stamp, clock.gap("pose"))
+    return interpolate(Series(poses.stamp, positions[:, chosen], poses.report), clock.stamp, clock.gap("pose"))
 
 
 def _in_si(key: str, quantity: Quantity, scale: Floats, values: Floats) -> Floats:

@@ -172,11 +172,11 @@ def _asked_units(quantity: str, units: Sequence[str], why: str, draft: _Draft) -
     return tuple(words * len(units) if len(words) == 1 else words), "as answered"
 
 
-def _not_set_aside(found: Sequence[Candidate], draft: _Draft) -> list[Candidate]:
+def _not_set_aside(candidates: Sequence[Candidate], draft: _Draft) -> list[Candidate]:
     """Return the columns that move; for an arm at rest, instead of other positions, those named as joint positions."""
-    kept = [one for one in found if one.moves]
+    kept = [one for one in candidates if one.moves]
     others = [one for one in kept if one.kind != "position" or one.role == "measured outside"]
-    resting = [one for one in found if len(one.columns) > 1]  # a column alone may be anything
+    resting = [one for one in candidates if len(one.columns) > 1]  # a column alone may be anything
     still = [one for one in resting if one.says_position]
     if len(others) == len(kept):  # no position moves: any may be of joints
         still = still or [one for one in resting if one.kind == "position" and one.role != "measured outside"]
@@ -184,7 +184,7 @@ def _not_set_aside(found: Sequence[Candidate], draft: _Draft) -> list[Candidate]
         draft.decisions += [f"{one.name} never changes: the arm stands still" for one in still]
         kept = [*still, *others]
     draft.decisions += [
-        f"{one.name} never changes, and was set aside" for one in found if not (one.moves or one in kept)
+        f"{one.name} never changes, and was set aside" for one in candidates if not (one.moves or one in kept)
     ]
     return kept
 
@@ -198,12 +198,12 @@ def _as_answered(answer: str | None, streams: Sequence[Stream]) -> Candidate | N
 
 
 def _positions(
-    found: Sequence[Candidate], streams: Sequence[Stream], draft: _Draft
+    candidates: Sequence[Candidate], streams: Sequence[Stream], draft: _Draft
 ) -> tuple[Candidate | None, Candidate | None]:
     """Choose q_nominal, reported or commanded positions, and q_encoder, measured ones."""
 
     def of(role: Role) -> list[Candidate]:
-        return [one for one in found if one.kind == "position" and one.role == role]
+        return [one for one in candidates if one.kind == "position" and one.role == role]
 
     outside, commanded, actual, measured = of("measured outside"), of("commanded"), of("actual"), of("measured")
     own, estimated, unknown = of("own"), of("estimated"), of("unknown")
@@ -267,14 +267,14 @@ def _positions(
     return _same_joints(nominal, truth, draft)
 
 
-def _command_and_measurement(found: Sequence[Candidate]) -> tuple[Candidate, Candidate] | None:
+def _command_and_measurement(candidates: Sequence[Candidate]) -> tuple[Candidate, Candidate] | None:
     """Return two groups of columns, or halves of one array, of which one follows the other or is in another table."""
-    if len(found) == 1 and len(found[0].columns) % 2 == 0:
-        columns, half = found[0].columns, len(found[0].columns) // 2
-        found = [found[0].part(columns[:half]), found[0].part(columns[half:])]
-    if len(found) != 2:
+    if len(candidates) == 1 and len(candidates[0].columns) % 2 == 0:
+        columns, half = candidates[0].columns, len(candidates[0].columns) // 2
+        candidates = [candidates[0].part(columns[:half]), candidates[0].part(columns[half:])]
+    if len(candidates) != 2:
         return None
-    a, b = found
+    a, b = candidates
     of_two = a.is_of_several and a.stream.name != b.stream.name and len(a.columns) == len(b.columns)
     return (a, b) if of_two or a.is_followed_by(b) else None
 
@@ -323,11 +323,11 @@ def _some_of(one: Candidate, count: int, quantity: str, why: str, draft: _Draft)
     return one.part(chosen or one.columns[:count])
 
 
-def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> None:
+def _further(candidates: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> None:
     """Add velocity and effort of the same stream and joints."""
     for kind, quantity in (("velocity", "qd"), ("effort", "tau")):
-        of_kind = [one for one in found if one.kind == kind and one.stream.name == nominal.stream.name]
-        of_kind = of_kind or [one for one in found if one.kind == kind and {*one.columns} == {*nominal.columns}]
+        of_kind = [one for one in candidates if one.kind == kind and one.stream.name == nominal.stream.name]
+        of_kind = of_kind or [one for one in candidates if one.kind == kind and {*one.columns} == {*nominal.columns}]
         same = [one for one in of_kind if set(nominal.joints) <= set(one.joints) and all(nominal.joints)]
         parts = [one.of_joints(nominal.joints) for one in same]
         parts = parts or [one for one in of_kind if len(one.columns) == len(nominal.columns)]
@@ -341,7 +341,7 @@ def _further(found: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> N
             _write(draft, quantity, parts[0], its or () if quantity == "qd" else (), words, scale or ())
         elif len(parts) > 1:
             draft.decisions.append(f"{quantity} may be {' or '.join(one.name for one in parts[:5])}; none was taken")
-    currents = [one.name for one in found if one.kind == "current"]
+    currents = [one.name for one in candidates if one.kind == "current"]
     if currents:
         draft.decisions.append(f"{currents[0]} seems to hold currents: tau needs a scale, Nm per unit")
 

@@ -79,9 +79,9 @@ class Bag:
                 streams[name] = self._unread(name, error)
         return [streams[name] for name in self.counts]
 
-    def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
+    def parts(self, requested: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
         """Yield the columns that are wanted of topics, thousands of messages at once, in the order of arrival."""
-        columns = {name: self._columns(name, those) for name, those in wanted.items()}
+        columns = {name: self._columns(name, those) for name, those in requested.items()}
         seen, every = 0, max(1, sum(self.counts[name] for name in columns))
         in_chunk = set[str]()  # topics, whose messages come topic by topic
         for name, arrivals, block in self._reader.blocks(tuple(columns)):
@@ -108,12 +108,12 @@ class Bag:
             if len(rows):
                 yield name, arrivals[rows], Block.of([block[row] for row in rows.tolist()])
 
-    def _columns(self, topic: str, wanted: Collection[str] | None) -> "_TopicColumns":
+    def _columns(self, topic: str, requested: Collection[str] | None) -> "_TopicColumns":
         connection = self._reader.connections[topic]
         key, where = (connection.type, connection.definition), f"{self.path}: topic {cut(topic)}"
         if key not in self._parsed:
             self._parsed[key] = fields_by_definition(where, *key, self.encoding)
-        return _TopicColumns(topic, connection.type, self.encoding, self._parsed[key], wanted, where)
+        return _TopicColumns(topic, connection.type, self.encoding, self._parsed[key], requested, where)
 
     def _unread(self, name: str, error: FileFormatError) -> Stream:
         return Stream(name, self._reader.connections[name].type, {}, self.counts[name], notes=(str(error),))
@@ -127,7 +127,7 @@ class _TopicColumns:
     type: str
     encoding: Encoding
     fields_of: FieldsOf
-    wanted: Collection[str] | None  # all when None
+    requested: Collection[str] | None  # all when None
     where: str  # of the topic, for errors
     waiting: int = 0  # messages
     _blocks: list[tuple[Integers, Block]] = field(default_factory=list)
@@ -166,7 +166,7 @@ class _TopicColumns:
             raise FileFormatError(f"{self.where}: {error}") from error
         rows = np.concatenate([np.zeros(0, dtype=np.int64), *of])
         order = np.argsort(rows, kind="stable")
-        columns: dict[str, NDArray[Any]] = {name: np.full(count, np.nan) for name in self.wanted or ()}
+        columns: dict[str, NDArray[Any]] = {name: np.full(count, np.nan) for name in self.requested or ()}
         for column, numbers_of in {"": [], **pieces}.items():
             whole = np.full(count, np.nan) if column else np.zeros(count, dtype=np.int64)
             for at, values in numbers_of:
@@ -223,7 +223,7 @@ class _TopicColumns:
                             yield rows, target, np.multiply(some, to_si, dtype=np.float64)
 
     def _is_wanted(self, column: str) -> bool:
-        return self.wanted is None or column in self.wanted
+        return self.requested is None or column in self.requested
 
     def _joint_columns(self, array: str, joints: Sequence[str], count: int) -> list[str]:
         """Return the column of each element: by its joint's name where it has one."""
@@ -382,10 +382,10 @@ class Sources:
         ]
         return len(self._bags) == 1 or not early or max(early) - min(early) <= DIFFERENT_CLOCKS_S
 
-    def parts(self, wanted: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
+    def parts(self, requested: Mapping[str, Collection[str]]) -> Iterator[list[Stream]]:
         """Yield thousands of rows as they arrived; of the first topic only up to where all others were read."""
-        base, reached = next(iter(wanted)), [bag.first_arrival for bag in self._bags]
-        here = [{name: those for name, those in wanted.items() if name in bag.counts} for bag in self._bags]
+        base, reached = next(iter(requested)), [bag.first_arrival for bag in self._bags]
+        here = [{name: those for name, those in requested.items() if name in bag.counts} for bag in self._bags]
         reading = {i: bag.parts(here[i]) for i, bag in enumerate(self._bags) if here[i]}
         waiting: dict[int, list[Stream]] = {}
         while reading:
@@ -421,11 +421,11 @@ class Sources:
             return None
         return fingerprint([sha256_of(container), episode]) if episode else sha256_of(container)
 
-    def read(self, wanted: Mapping[str, Collection[str]]) -> dict[str, Stream]:
+    def read(self, requested: Mapping[str, Collection[str]]) -> dict[str, Stream]:
         """Return streams with the columns wanted of each, whole."""
-        streams = [stream for stream in self._whole if stream.name in wanted]
+        streams = [stream for stream in self._whole if stream.name in requested]
         for bag in self._bags:
-            here = {name: columns for name, columns in wanted.items() if name in bag.counts}
+            here = {name: columns for name, columns in requested.items() if name in bag.counts}
             streams += chain.from_iterable(bag.parts(here) if here else ())
             self.notes += [note for note in bag.problems if note not in self.notes]
         return {stream.name: stream for stream in _joined(streams)}

@@ -53,9 +53,9 @@ class TrackedPoses(NamedTuple):
         rotation = None if self.rotation is None else self.rotation[rows]
         return TrackedPoses(self.position[rows], rotation, self.q[rows], self.qd[rows])
 
-    def evenly(self, most: int) -> "TrackedPoses":
+    def evenly(self, count: int) -> "TrackedPoses":
         """Return as many at most, evenly over all."""
-        return self.part(spread(len(self.q), most))
+        return self.part(spread(len(self.q), count))
 
 
 PosesAt = Callable[[float], TrackedPoses]  # with what the robot reported so many seconds after their stamps
@@ -177,11 +177,13 @@ def register(
     return kept.with_errors(best, is_told, outliers=int((~near).sum()))
 
 
-def register_in_time(model: RobotModel, poses_at: PosesAt, chosen: Sequence[int], **given: Any) -> TrackerRegistration:
+def register_in_time(
+    model: RobotModel, poses_at: PosesAt, chosen: Sequence[int], **options: Any
+) -> TrackerRegistration:
     """Register with the joints at the time that fits the poses best: one speed goes on for some milliseconds only."""
     late = 0.0
     for _ in range(_MAX_RETIMINGS):
-        made = register(model, poses_at(late), chosen, **given)
+        made = register(model, poses_at(late), chosen, **options)
         late += made.found.late
         if abs(made.found.late) < max(_STRAIGHT_S, 2.0 * made.late_error):
             break
@@ -372,7 +374,7 @@ class _Problem:
             f"registration: the poses leave open {worst}: move {motion} too, or give T_base_tracker and T_marker_frame"
         )
 
-    def with_errors(self, found: Estimate, is_told: Flags, outliers: int) -> TrackerRegistration:
+    def with_errors(self, estimate: Estimate, is_told: Flags, outliers: int) -> TrackerRegistration:
         """Return the fit with its errors, from fits that each leave out one stretch of time.
 
         The jackknife of clusters holds where errors of a moment are alike; a length's error is that of a sum of squares
@@ -380,7 +382,7 @@ class _Problem:
         """
         from scipy.stats import f, t
 
-        r, J = self.scaled(found)
+        r, J = self.scaled(estimate)
         blocks = np.array_split(np.arange(len(r)), _independent(r))
         Hs = [J[rows].reshape(-1, J.shape[2]).T @ J[rows].reshape(-1, J.shape[2]) for rows in blocks]
         gs = [np.einsum("iap,ia->p", J[rows], r[rows]) for rows in blocks]
@@ -394,18 +396,18 @@ class _Problem:
             return float(np.sqrt(mean * f.ppf(0.95, mean**2 / square, dof))) if mean > 1e-18 else 0.0
 
         width = t.ppf(0.975, dof) * np.sqrt(np.diag(C))
-        by_parameters = replace(self, tracked=self.tracked.evenly(200)).compare(found)[1] / self.units
+        by_parameters = replace(self, tracked=self.tracked.evenly(200)).compare(estimate)[1] / self.units
         by_error = np.linalg.pinv(by_parameters[:, :, _OFFSETS:-1], rcond=1e-3) @ by_parameters[:, :, :_OFFSETS]
         variance = np.einsum("mkp,pq,mkq->mk", by_error, C[:_OFFSETS, :_OFFSETS], by_error, optimize=True)
         return TrackerRegistration(
-            found=found,
+            found=estimate,
             base_error=np.array([length(3), length(0)]),
             marker_error=np.array([length(9), length(6)]),
             offset_error=width[_OFFSETS:-1],
             late_error=float(width[-1]),
             joint_error=t.ppf(0.975, dof) * np.sqrt(np.median(variance, axis=0)),
             is_told=is_told,
-            middle=found.base.rotation @ self.middle + found.base.position,
+            middle=estimate.base.rotation @ self.middle + estimate.base.position,
             reach=self.reach,
             left=self.noise[: r.shape[1] // 3] * np.sqrt(np.mean(r.reshape(len(r), -1, 3) ** 2, axis=(0, 2))),
             poses=len(r),

@@ -313,12 +313,12 @@ class OneClock:
                     "how much its clock is ahead, and gains"
                 )
 
-    def _take(self, found: dict[tuple[str, str], Series]) -> None:
+    def _take(self, series: dict[tuple[str, str], Series]) -> None:
         """Keep series, and of which part each column of a quantity is, with its place in it."""
-        self._series = found
+        self._series = series
         self._where: dict[str, list[tuple[tuple[str, str], int]]] = {}
         for key, places in self._quantities.items():
-            parts = [(place.stream, key if (place.stream, key) in found else "") for place in places]
+            parts = [(place.stream, key if (place.stream, key) in series else "") for place in places]
             columns = [self._columns[part].index(place.column) for part, place in zip(parts, places, strict=True)]
             self._where[key] = list(zip(parts, columns, strict=True))
 

@@ -300,9 +300,9 @@ def _stamps(values: NDArray[np.generic], unit: str, clocks: Sequence[_Clock]) ->
     return stamp, clocks[0].name if len(clocks) == 1 else "without a date" * (zero != 0)
 
 
-def _even(stream: Stream, rate: float, said: str) -> TableTime:
+def _even(stream: Stream, rate: float, text: str) -> TableTime:
     if not 1e-3 <= rate <= 1e6:
         raise InputError(f"{stream.name}: rate {rate:g}: expected 0.001 to 1,000,000 Hz, rows a second")
     rows = np.arange(stream.rows)
     rows -= np.maximum.accumulate(np.where(np.isin(rows, stream.starts), rows, 0))  # each recording from its first
-    return TableTime(np.rint(rows * (SECOND / rate)).astype(np.int64), "", "s", said, rows / rate)
+    return TableTime(np.rint(rows * (SECOND / rate)).astype(np.int64), "", "s", text, rows / rate)
