@@ -8,15 +8,24 @@ less acceleration), and with a damping that grows with the sensed acceleration t
 import numpy as np
 
 import catenary
-from catenary.simulation.base_motion import SwayingBase, Wave
 
 arm = catenary.load_robot("two_link")
 q, level = np.array([0.5, 1.2]), np.array([0.0, 0.0, -9.81])
 hand, damping = 0.5, np.array([4.0, 2.0])  # kg; Nms/rad
-rides = {
-    "elevator, 1.2 m/s2 up and down": Wave(1.2, 0.25, (0.0, 0.0, 1.0)),
-    "van, 3 m/s2 forward and back": Wave(3.0, 0.5, (1.0, 0.0, 0.0)),
+rides = {  # amplitude of the base's acceleration [m/s2], and its frequency [Hz]
+    "elevator, 1.2 m/s2 up and down": (np.array([0.0, 0.0, 1.2]), 0.25),
+    "van, 3 m/s2 forward and back": (np.array([3.0, 0.0, 0.0]), 0.5),
 }
+
+
+class Ride:  # a base that accelerates along a line
+    def __init__(self, amplitude: np.ndarray, frequency: float) -> None:
+        self.amplitude, self.frequency = amplitude, frequency
+
+    def sample(self, times: np.ndarray):
+        motion = np.zeros((len(times), 3, 3))
+        motion[:, 2] = np.sin(2.0 * np.pi * self.frequency * times)[:, None] * self.amplitude
+        return catenary.FixedBase().sample(times)._replace(motion=motion)
 
 
 class Handle:
@@ -34,13 +43,13 @@ class Handle:
 
 
 stay = catenary.go_to(q, q, max_velocity=np.ones(arm.n), max_acceleration=np.ones(arm.n))
-for ride, wave in rides.items():
+for ride, (amplitude, frequency) in rides.items():
     for name, handle in (
         ("nominal gravity", Handle(level, 0.0)),
         ("sensed gravity", Handle(None, 0.0)),
         ("sensed gravity, damping by acceleration", Handle(None, 1.0)),
     ):
-        plant = catenary.MujocoPlant(arm, base=SwayingBase(accelerations=(wave,)), start=q)
+        plant = catenary.MujocoPlant(arm, base=Ride(amplitude, frequency), start=q)
         plant.home()
         track = []
         watch = [lambda tick, track=track: track.append(catenary.forward_kinematics(arm, tick.state.q).position)]

@@ -199,7 +199,7 @@ _REMEMBERED_TORQUES = 20  # before one of which a load may have changed that is 
 _ANOTHER_DEVIATIONS = 5.0  # the same, once a load is looked for: noise alone exceeds three of them now and then
 
 
-class _Taken(NamedTuple):
+class _TakenTorque(NamedTuple):
     """A torque that was taken, over the noise, with the parameters and their information before it."""
 
     known: Floats  # (p, p)
@@ -273,7 +273,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
         self._loads = self._hypotheses.directions  # V
         self._prior_of_loaded = _widened(self._prior, self._loads)
         self._unloaded: Floats | None = None  # s_hat before the load changed
-        self._past: deque[_Taken] = deque(maxlen=_REMEMBERED_TORQUES)
+        self._past: deque[_TakenTorque] = deque(maxlen=_REMEMBERED_TORQUES)
         self._misfits: deque[float] = deque(maxlen=_REMEMBERED_TORQUES)
         self._excess = 1.0  # of the torques' noise over what was said
         self._last_pose = np.zeros(n), np.zeros(3)  # configuration and gravity of the last torque taken
@@ -324,7 +324,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
         deviations = np.abs(missing) / np.sqrt(1.0 + variance)
         surprise = float(deviations.max())
         tells = bool((np.abs(missing) > _SURPRISE_DEVIATIONS).any() or (variance > self._novelty**2).any())
-        row = _Taken(known, self._s.copy(), Z, missing + Z @ self._s, float(np.mean(deviations**2)))
+        row = _TakenTorque(known, self._s.copy(), Z, missing + Z @ self._s, float(np.mean(deviations**2)))
         if self._loads.size:
             surprises = surprise > _SURPRISE_DEVIATIONS and (
                 surprise > _ANOTHER_DEVIATIONS
@@ -341,7 +341,7 @@ class RecursiveGravityEstimator(EstimatedGravity):
             self._add(row)
         return tells
 
-    def _suspect(self, rows: Sequence[_Taken]) -> bool:
+    def _suspect(self, rows: Sequence[_TakenTorque]) -> bool:
         """Look for a load that has changed before one of the last torques; return whether that is likelier than not.
 
         A small load is no surprise at once: the arm's own parameters take up some of it before it is noticed. Where
@@ -368,10 +368,10 @@ class RecursiveGravityEstimator(EstimatedGravity):
         self._past.clear()
         return True
 
-    def _take(self, hypotheses: LoadHypotheses, row: _Taken, unloaded: Floats) -> None:
+    def _take(self, hypotheses: LoadHypotheses, row: _TakenTorque, unloaded: Floats) -> None:
         hypotheses.take(row.Z / self._excess, (row.torque - row.Z @ unloaded) / self._excess)
 
-    def _add(self, row: _Taken) -> None:
+    def _add(self, row: _TakenTorque) -> None:
         self._information = self._forgetting * self._information + row.Z.T @ row.Z
         self._s += np.linalg.solve(self._information + self._prior, row.Z.T @ (row.torque - row.Z @ self._s))
 

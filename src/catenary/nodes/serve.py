@@ -14,7 +14,7 @@ from catenary.control.realtime import RealTime
 from catenary.crtk.dialects import DIALECTS
 from catenary.crtk.reader import NeverMoved
 from catenary.crtk.serving.reports import Reports
-from catenary.crtk.serving.served_arm import ServedArm, joint_move
+from catenary.crtk.serving.served_arm import ServedArm
 from catenary.crtk.serving.server import ServedEncoders, Server
 from catenary.crtk.serving.tool_pose import ToolPose
 from catenary.crtk.topic_names import console_topics, crtk_topics
@@ -30,6 +30,7 @@ from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.psm_controller import joints_per_actuator, load_psm
 from catenary.simulation.psm_plant import PsmPlant
 from catenary.spatial import LEVEL
+from catenary.trajectories.smoothed_path import go_to
 
 _CATCH_UP_S = 0.02  # [s] of lateness that is made up for by ticks without a pause; the rest is given up
 _SERVED_ROBOTS = ("raven2", *(name for name, kind in KINDS.items() if kind.dvrk))
@@ -156,7 +157,8 @@ def prepare_server(server: Server) -> None:
     server.tick()
     for arm in server.arms.values():
         arm.tool.prepare()
-        joint_move(arm, arm.tool.middle(arm.setpoint.q))()(0.0)
+        rest, unit = np.zeros(len(arm.setpoint.q)), np.ones(len(arm.setpoint.q))
+        go_to(rest, unit, max_velocity=unit, max_acceleration=unit)(0.0)
 
 
 def serve(

@@ -134,7 +134,11 @@ def behind_slack(pairs: Pairs, i: int, own: int, allowed: tuple[float, float], *
 
 
 def is_pulled(pairs: Pairs, i: int, own: int) -> bool:
-    """Say whether a joint's command moves so little that other joints' friction explains how it moves instead."""
+    """Attribute a joint's motion to other joints' friction, where its command moves so little that they explain it.
+
+    Args:
+        i, own: The measurement's place and its command's.
+    """
     little = _PULLED_RATIO * MOVED_BY_OTHERS_DEG_MM[pairs.log.joint_units[i]]
     follows = np.abs(pairs.correlation[i]) > _FOLLOWING
     whole = np.abs(np.abs(pairs.slope[i]) - 1.0) < _WHOLE_WITHIN  # as far as a command: another joint's column

@@ -27,6 +27,7 @@ _SHARED, _SHARED_RATIO = 0.1, 10.0
 # .006, .3 of a joint .003 and .13; untouched windows of 75 poses, whose wrists' joints share friction, .017 and more.
 _MAX_MIXED, _MAX_MIXED_OF_ERROR = 0.01, 0.25
 _MIN_ROWS_A_JOINT, _MAX_ROWS = 10, 20_000
+_MAX_COLLINEARITY = 30.0  # condition of commands over their spread, beyond which nothing parts their entries
 _ENTRY_ERRORS, _MIN_ENTRY = 12.0, 0.05  # standard errors of such an entry, 9 where untouched; its size in deg, mm
 _SHARE_OF_SUM = 0.03  # of a sum's spread, below which an entry may be what cables do
 _OWN_ENTRY = 0.15  # by which a joint's own entry may differ from one without being of a frame
@@ -147,6 +148,8 @@ def _sum_of(pairs: Pairs, i: int, moving: Integers) -> _Sum | None:
     parts = np.array([np.linalg.lstsq(X[block != b], y[block != b], rcond=None)[0] for b in range(_BLOCKS)])
     entries, errors = parts.mean(axis=0), np.sqrt(_BLOCKS - 1) * parts.std(axis=0)
     sizes = (float(left @ left) / max(float(x @ x), 1e-300) for x in (y, y - X[:, moving == i][:, 0]))
+    if np.linalg.cond(X / X.std(axis=0)) > _MAX_COLLINEARITY:  # commands that move as one
+        errors = np.full_like(errors, np.inf)
     to_si = scales(pairs.log)[moving] / scales(pairs.log)[i]
     return _Sum(entries * to_si, errors * to_si, np.abs(entries) * X.std(axis=0) > _SHARE_OF_SUM * y.std(), *sizes)
 

@@ -212,14 +212,14 @@ def _reached(log: MotionLog) -> Floats:
 
 
 def _beyond(
-    log: MotionLog, beyond: list[int], units: dict[int, str], expected: tuple[Floats, Floats], limits: str
+    log: MotionLog, beyond: list[int], units: dict[int, str], expected: tuple[Floats, Floats], text: str
 ) -> list[Finding]:
     """Return the sentence on joints beyond the expected range; in other units where `units` has those of all."""
     if not beyond:
         return []
     (least, highest), (low, high), names = _reached(log), expected, tuple(log.joint_names[i] for i in beyond)
     says = ", ".join(
-        f"{log.joint_names[i]} from {least[i]:.4g} to {highest[i]:.4g}, {limits} between {low[i]:.4g} and {high[i]:.4g} "
+        f"{log.joint_names[i]} from {least[i]:.4g} to {highest[i]:.4g}, {text} between {low[i]:.4g} and {high[i]:.4g} "
         f"{log.joint_units[i]}"
         for i in beyond
     )
