@@ -27,7 +27,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("messages")
     t = np.linspace(0.0, 60.0, 1800)
     q = np.column_stack([np.sin(t), 0.5 * np.cos(1.7 * t), 0.1 + 0.05 * np.sin(0.5 * t)])
-    seen = q + np.column_stack([0.02 * q[:, 1], 0.05 * q[:, 0], 0.001 * q[:, 0]])
+    seen = q + np.column_stack([0.02 * q[:, 1], 0.03 * q[:, 0], 0.001 * q[:, 0]])
 
     def write(name: str, q_des: np.ndarray, q_act: np.ndarray) -> None:
         rows = len(q_des)
