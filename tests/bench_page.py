@@ -13,6 +13,8 @@ WINDOWS = {
     "check": "untouched windows of 2 and 5 minutes, checked",
     "refresh": "refreshed with 2 minutes of another day",
     "torques": "recorded torques with a known fault, or none",
+    "unknown arms, even seeds": "ten arms drawn at random, with each of 23 faults or none",
+    "unknown arms, odd seeds": "ten others",
 }
 _BLOCK = re.compile(r"(<!-- bench -->\n).*?(<!-- end -->)", re.DOTALL)
 
