@@ -26,6 +26,7 @@ _SHARED, _SHARED_RATIO = 0.1, 10.0
 # Sums were made in a file where they leave less than this of a measurement, and of its error: 53 deg of another frame
 # .006, .3 of a joint .003 and .13; untouched windows of 75 poses, whose wrists' joints share friction, .017 and more.
 _MAX_MIXED, _MAX_MIXED_OF_ERROR = 0.01, 0.25
+_MIN_MIXED_ALONE = 0.005  # of its variance that its own command leaves: less, and a model learns it
 _MIN_ROWS_A_JOINT, _MAX_ROWS = 10, 20_000
 _MAX_COLLINEARITY = 30.0  # condition of commands over their spread, beyond which nothing parts their entries
 _ENTRY_ERRORS, _MIN_ENTRY = 12.0, 0.05  # standard errors of such an entry, 9 where untouched; its size in deg, mm
@@ -168,7 +169,8 @@ def _mixed(pairs: Pairs, place: Integers) -> Iterator[Finding]:
         entries, errors, counts, unexplained, of_error = of_all
         least = np.maximum(_MIN_ENTRY * shown[moving] / shown[i], _ENTRY_ERRORS * errors)
         sure = counts & (moving != i) & (np.abs(entries) > least)
-        if sure.any() and counts.sum() > 1 and unexplained < _MAX_MIXED and of_error < _MAX_MIXED_OF_ERROR:
+        is_sum = unexplained < _MAX_MIXED and of_error < _MAX_MIXED_OF_ERROR and alone > _MIN_MIXED_ALONE
+        if sure.any() and counts.sum() > 1 and is_sum:
             made[i] = of_all
         elif alone > max(_SHARED, _SHARED_RATIO * unexplained):
             shared[i] = of_all
