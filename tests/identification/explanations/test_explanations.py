@@ -40,6 +40,8 @@ def explained(truth: Truth) -> ExplainedRecording:
 
 def is_right(truth: Truth, explanation: ExplainedRecording) -> bool:
     causes = [(cause.hypothesis.name, cause.candidate.joints) for cause in explanation.causes]
+    if truth.cause == "velocities" and causes:  # by chance a joint's velocity at another time may follow its position
+        return causes[0][0] == truth.cause and {*causes[0][1]} <= {*truth.joints}
     return causes[:1] == ([] if truth.cause is None else [(truth.cause, truth.joints)])
 
 
