@@ -15,7 +15,7 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from select import select
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, TextIO
 
 from catenary.errors import UnsupportedSystemError
 
@@ -176,8 +176,8 @@ def single_keys(descriptor: int) -> Callable[[], None]:
     return put_back
 
 
-def takes_more(connection: "Connection") -> bool:
-    """Return True if a connection takes a message at once; Windows does not report it, and a message may wait."""
+def takes_more(connection: "Connection | TextIO") -> bool:
+    """Return True if a connection or file takes a message at once; Windows does not report it, and a message may wait."""
     return _IS_WINDOWS or bool(select([], [connection], [], 0.0)[1])
 
 

@@ -65,7 +65,7 @@ def find_friction(recordings: Recordings, options: FitOptions, *, held_out: floa
     with threadpool_limits(limits=1):
         rows = searched_rows(recordings, options, held_out)
         few = len(rows.fixed) < MIN_ROWS
-        joints = _told(rows, options.coupled) if options.coupled else () if few else _best_pair(rows)
+        joints = _named_joints(rows, options.coupled) if options.coupled else () if few else _best_pair(rows)
         if not joints:
             return None
         errors_of = _Errors(rows, joints)
@@ -85,7 +85,7 @@ def find_friction(recordings: Recordings, options: FitOptions, *, held_out: floa
     )
 
 
-def _told(rows: SearchedRows, names: Sequence[str]) -> tuple[int, ...]:
+def _named_joints(rows: SearchedRows, names: Sequence[str]) -> tuple[int, ...]:
     for name in names:
         if name not in rows.joint_names:
             raise InputError(f'coupled joint "{name}": no such joint; joints: {", ".join(rows.joint_names)}')

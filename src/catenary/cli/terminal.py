@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from select import select
 from shutil import get_terminal_size
 from textwrap import fill
 from typing import Any, TextIO
 
 from catenary.files import json_text
+from catenary.operating_system import takes_more
 from catenary.tables import Table
 from catenary.terminal_text import visible
 
@@ -73,10 +73,10 @@ def if_read(show: Callable[[Any], None]) -> Callable[[Any], None]:
 
     def shown(status: Any) -> None:
         try:
-            takes_more = bool(select([], [sys.stdout], [], 0.0)[1])
-        except (OSError, ValueError):  # no file, or of a system that cannot tell
-            takes_more = True
-        if takes_more:
+            is_ready = takes_more(sys.stdout)
+        except (OSError, ValueError):  # no file
+            is_ready = True
+        if is_ready:
             show(status)
 
     return shown

@@ -56,7 +56,7 @@ class ListenedTopic(HeardTopic):
     def hear(self, publisher: Endpoint) -> None:
         """Listen to a publisher of the topic, if it carries the type."""
         if publisher.topic == self.dds_name and publisher.type_name == dds_type(self.type_name):
-            self._listen(_asked_of(publisher))
+            self._listen(_requested_quality(publisher))
 
     def _listen(self, quality: Quality) -> None:
         if quality in self._readers:
@@ -77,7 +77,7 @@ class ListenedTopic(HeardTopic):
                 end
                 for quality, reader in tuple(self._readers.items())
                 for end in program.ends(program.directory.publications, reader.get_matched_publications())
-                if _asked_of(end) == quality
+                if _requested_quality(end) == quality
             )
 
     def _take(self, quality: Quality, reader: DataReader[Any]) -> None:
@@ -88,7 +88,7 @@ class ListenedTopic(HeardTopic):
     def _receive(self, sample: Raw, quality: Quality) -> None:
         info = sample.sample_info
         end, origin = self._origin(info.publication_handle)
-        if (_USUAL if end is None else _asked_of(end)) != quality:
+        if (_USUAL if end is None else _requested_quality(end)) != quality:
             return  # it comes to another reader, too
         self.give(sample.data, self._steady(), origin, info.source_timestamp)
 
@@ -105,7 +105,7 @@ class ListenedTopic(HeardTopic):
         return made
 
 
-def _asked_of(publisher: Endpoint) -> Quality:
+def _requested_quality(publisher: Endpoint) -> Quality:
     offered = publisher.quality
     return Quality(is_latched=offered.is_latched) if offered.is_reliable else Quality(is_reliable=False)
 

@@ -129,7 +129,7 @@ def explained_torques(
     evidence = Evidence(model, samples)
     explanation = find_explanation(evidence, settled)
     unseen = unseen_joints(evidence, explanation.supposed)
-    findings = [*_told(evidence, explanation, unseen), *(_unseen(name) for name in unseen)]
+    findings = [*_findings_of(evidence, explanation, unseen), *(_unseen(name) for name in unseen)]
     return findings, evidence, explanation.supposed
 
 
@@ -145,10 +145,10 @@ def findings_against(result: Identification, samples: Samples) -> list[Finding]:
         result, samples: Identification of the arm, and filtered rows of the recording.
     """
     evidence = Evidence(result.model, samples, belief_of(result))
-    return _told(evidence, find_explanation(evidence))
+    return _findings_of(evidence, find_explanation(evidence))
 
 
-def _told(evidence: Evidence, explanation: ExplainedRecording, unseen: Collection[str] = ()) -> list[Finding]:
+def _findings_of(evidence: Evidence, explanation: ExplainedRecording, unseen: Collection[str] = ()) -> list[Finding]:
     return [_finding(evidence, explanation, cause, unseen) for cause in explanation.causes]
 
 
@@ -229,7 +229,7 @@ def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | No
     """
     if len(days) < 2:
         evidences = [(day.name, Evidence(model, day, belief)) for day in days if belief is not None]
-        return [(name, finding) for name, own in evidences for finding in _told(own, find_explanation(own))]
+        return [(name, finding) for name, own in evidences for finding in _findings_of(own, find_explanation(own))]
     findings, middle = [], len(days) // 2
     for own, others in ((days[:middle], days[middle:]), (days[middle:], days[:middle])):
         shown = belief

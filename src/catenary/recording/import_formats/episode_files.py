@@ -70,12 +70,12 @@ class _Content:
         outside = of.pop("", {})
         if not of or not set[str].intersection(*map(set, of.values())):
             of, outside = {"": {path: path for path in self._found}}, {}
-        chosen = wanted_episodes(self._path, sorted(of, key=natural), requested)
+        chosen = chosen_episodes(self._path, sorted(of, key=natural), requested)
         parts = [self._arrays(of[name]) for name in chosen]
         alike = [name for name in parts[0] if len({part[name].shape[1:] if name in part else 0 for part in parts}) == 1]
         self._left += [f"{name} (not alike in all episodes)" for name in parts[0] if name not in alike]
         rows = [max((len(part[name]) for name in alike if part[name].ndim), default=0) for part in parts]
-        attributes, begins = self._told(chosen[0]), [began_of(self._told(name)) for name in chosen]
+        attributes, begins = self._description(chosen[0]), [began_of(self._description(name)) for name in chosen]
         rate = next((float(attributes[key]) for key in RATES if isinstance(attributes.get(key), int | float)), None)
         whole = {name: np.concatenate([np.atleast_1d(part[name]) for part in parts]) for name in alike}
         arrays = self._arrays(outside) | (whole if len(chosen) > 1 else parts[0])
@@ -144,7 +144,7 @@ class _Content:
             return np.array("".join(map(chr, values.ravel().tolist())))
         return np.squeeze(values.T if self._is_matlab else values)
 
-    def _told(self, episode: str) -> dict[str, Any]:
+    def _description(self, episode: str) -> dict[str, Any]:
         """Return the attributes of the episode, then of its parents; a simulator's own rate, too."""
         attributes: dict[str, Any] = {}
         inner = episode.split("/")
@@ -185,7 +185,7 @@ def read_lerobot(path: Path, requested: str = "") -> list[Stream]:
     columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in shared}
     numbers = columns[_INDEX].astype(np.int64)
     episodes = {f"episode_{number}": number for number in np.unique(numbers).tolist()}
-    chosen = wanted_episodes(path, list(episodes), requested)
+    chosen = chosen_episodes(path, list(episodes), requested)
     rows = np.isin(numbers, [episodes[name] for name in chosen])
     numbers = numbers[rows]
     fps, starts = info.get("fps"), (0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist())
@@ -215,7 +215,7 @@ def _flat(names: Any) -> list[str]:
     return [names] if isinstance(names, str) and names else []
 
 
-def wanted_episodes(path: Path, names: Sequence[str], requested: str) -> list[str]:
+def chosen_episodes(path: Path, names: Sequence[str], requested: str) -> list[str]:
     """Return the episodes that are meant: all, or the one of a name or its number, `demo_3`, `episode_000003`, `3`."""
     short = _short(requested)
     episodes = [

@@ -254,7 +254,7 @@ def synchronise(
         settled=_settled(mapping, joints, in_file=in_file),
         arrivals=clock.arrivals,
         notes=(
-            *([] if mapping.name else [f"imported from {where}: {_told(mapping, joints)}"]),
+            *([] if mapping.name else [f"imported from {where}: {_summary(mapping, joints)}"]),
             *dict.fromkeys([*sources.notes, *clock.notes, *notes]),
         ),
     )
@@ -479,7 +479,7 @@ def _in_si(key: str, quantity: Quantity, scale: Floats, values: Floats) -> Float
     return np.asarray(rows @ (np.linalg.inv(matrix) if key == "tau" else matrix.T))
 
 
-def _told(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
+def _summary(mapping: RecordingMapping, joints: dict[str, _Found]) -> str:
     """Return a mapping as one line, with patterns replaced by the matched columns."""
     parts = []
     for key in JOINT_QUANTITIES:

@@ -110,11 +110,11 @@ def propose(
     draft.top += [] if robot is None else [f"robot = {_text(robot)}"]
     if nominal is not None:
         chosen, why, is_sure = nominal_units(nominal, model, units)
-        chosen, why = (chosen, why) if is_sure else _asked_units("q_nominal", chosen, why, draft)
+        chosen, why = (chosen, why) if is_sure else _units_to_state("q_nominal", chosen, why, draft)
         _write(draft, "q_nominal", nominal, chosen, why)
         if encoder is not None:
             its, why, is_sure = encoder_units(encoder, nominal, chosen, units)
-            its, why = (its, why) if is_sure else _asked_units("q_encoder", its, why, draft)
+            its, why = (its, why) if is_sure else _units_to_state("q_encoder", its, why, draft)
             _write(draft, "q_encoder", encoder, its, why)
         _further(candidates, nominal, draft)
     used = [one.stream for one in (nominal, encoder) if one is not None]
@@ -158,7 +158,7 @@ def answers_of(options: Sequence[str]) -> dict[str, str]:
     return {about.strip(): answer.strip() for about, _, answer in parted.values()}
 
 
-def _asked_units(quantity: str, units: Sequence[str], why: str, draft: _Draft) -> tuple[tuple[str, ...], str]:
+def _units_to_state(quantity: str, units: Sequence[str], why: str, draft: _Draft) -> tuple[tuple[str, ...], str]:
     """Return uncertain units as answered, or as inferred with an open question."""
     about, stand = f"{quantity}.units", ",".join(units)
     other = ",".join({"rad": "deg", "deg": "rad", "m": "mm", "mm": "m"}.get(unit, unit) for unit in units)
