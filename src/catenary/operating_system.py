@@ -177,7 +177,7 @@ def single_keys(descriptor: int) -> Callable[[], None]:
 
 
 def takes_more(connection: "Connection | TextIO") -> bool:
-    """Return True if a connection or file takes a message at once; Windows does not report it, and a message may wait."""
+    """Return True if a connection or file takes a message at once; Windows does not report it, and it may wait."""
     return _IS_WINDOWS or bool(select([], [connection], [], 0.0)[1])
 
 
