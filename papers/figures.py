@@ -29,6 +29,7 @@ METHOD_COLORS = {
     "polynomial": "#c9a227",
     "network": "#d9622b",
     "network of ours": "#2f8f6b",
+    "learner": "#2f8f6b",
 }
 
 

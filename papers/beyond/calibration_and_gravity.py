@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -209,9 +210,9 @@ def cases(scope: Scope) -> list[Case]:
         angles = ANGLES_DEG[:1] if scope.quick else ANGLES_DEG
         made.append(held.case(seed=seed, angles_deg=angles, sparsities=sparsities, seconds=held_s))
         made += [
-            tilted.case(seed, training, torque, scope)
-            for training in (TRAININGS[:1] if scope.quick else TRAININGS)
-            for torque in TORQUES
+            case
+            for training, torque in product(TRAININGS[:1] if scope.quick else TRAININGS, TORQUES)
+            for case in tilted.cases_of(seed, training, torque, scope)
         ]
     return made
 

@@ -5,7 +5,8 @@ level base; then its base is tilted about Z0, joint 1's axis, as in the gravity 
 rocked about Z0 at 1 Hz. Models are trained level, on one tilt, or on several (1/2 at 20 deg about Z0, 1/3 at 20 deg
 across, 1/4 level: the same minutes), and tested by 20 minutes of random motion on every base. Inputs are the paper's
 16, or these and the gravity model's torque at the reported positions under the sensed gravity. Networks are the mean
-of two trainings; all models are asked wherever the robot is, as the paper's are.
+of two trainings, and asked wherever the robot is, as linear models are and the paper's were; the learner, of the
+nominal robot, takes no tool's positions and torques, and keeps to its valid range.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,6 +22,7 @@ from catenary.arrays import Floats
 from catenary.calibration.fit_options import FitOptions
 from catenary.errors import InputError
 from catenary.simulation.base_motion import BaseSamples, FixedBase, MovingBase, imu_reading
+from catenary.workflows.project.calibrate import POSITIONING_INPUTS
 from papers.calibration.homings import outside
 from papers.calibration.inputs import SIXTEEN
 from papers.calibration.recordings import START, TEST_SECONDS, baselines, draws, fitted, mean, rmse, rows_of, unguarded
@@ -58,8 +60,19 @@ INPUTS: dict[str, tuple[str, ...]] = {
     WITH_GRAVITY: (*SIXTEEN, *GRAVITY),
     LESS_GRAVITY: ("q", *DIFFERENCE, *(f"tau:{tool}" for tool in ("roll", "wrist", "jaw1", "jaw2", "unused"))),
 }
-MODELS_TOLD = {"linear": "linear model", "network": "network"}
-KINDS = {"linear": FitOptions(kind="linear"), "network": FitOptions(kind="neural", preset="paper")}
+# of the learner, which leaves the tool's out
+OWN_INPUTS: dict[str, tuple[str, ...]] = {
+    PAPERS: POSITIONING_INPUTS,
+    WITH_GRAVITY: (*POSITIONING_INPUTS, *GRAVITY),
+    LESS_GRAVITY: (*POSITIONING_INPUTS[:3], *DIFFERENCE),
+}
+LEARNER, PAPERS_KINDS = "learner", ("linear", "network")
+MODELS_TOLD = {"linear": "linear model", "network": "network", LEARNER: "learner"}
+KINDS = {
+    "linear": FitOptions(kind="linear"),
+    "network": FitOptions(kind="neural", preset="paper"),
+    LEARNER: FitOptions(),
+}
 COLORS = {PAPERS: "#d9622b", WITH_GRAVITY: "#2f8f6b"}
 SHOWN = (PAPERS, WITH_GRAVITY)
 SHAPES = {LEVEL: "o", TILTED: "s", SEVERAL: "^"}
@@ -114,12 +127,13 @@ def base_errors(
     networks: Sequence[int],
     bases: Sequence[str],
     test_seconds: float,
+    kinds: Sequence[str] = PAPERS_KINDS,
 ) -> Result:
     """Train on some bases and test on others; return RMSE on J1 [deg], J2 [deg], J3 [mm] by base and model.
 
     Returns:
-        By base: errors by model, `raw` and `fixed offset` among them, and the share of rows `outside` the linear
-        model's valid range.
+        By base: errors by model; with the linear one also `raw`, `fixed offset`, and the share of rows `outside` its
+        valid range.
     """
     robot = homed_level(seed)
     train = []
@@ -129,7 +143,7 @@ def base_errors(
         train.append(with_gravity(log, BASES[base], plant.time - path.duration))
     models = {
         name: [fitted(train, replace(options, inputs=tuple(inputs), seed=network)) for network in seeds]
-        for name, options in KINDS.items()
+        for name, options in ((name, KINDS[name]) for name in kinds)
         for seeds in ([networks] if options.kind == "neural" else [(0,)])
         if seeds
     }
@@ -138,40 +152,37 @@ def base_errors(
         plant, rng = put_on(robot, BASES[base]), draws(seed, 50)
         motion = random_sinusoids(rng, test_seconds)
         log = with_gravity(record_simulated(plant, motion, "random", rng), BASES[base], plant.time - test_seconds)
-        rows = rows_of(models["linear"][0], log)
         reached[base] = {
-            name: mean([rmse(unguarded(model), rows) for model in trained]) for name, trained in models.items()
-        } | baselines(models["linear"][0], rows)
-        reached[base]["outside"] = outside(models["linear"][0], log)
+            name: mean([rmse(model if name == LEARNER else unguarded(model), rows_of(model, log)) for model in trained])
+            for name, trained in models.items()
+        }
+        for model in models.get("linear", ()):
+            reached[base] |= baselines(model, rows_of(model, log)) | {"outside": outside(model, log)}
     return reached
 
 
-def case(seed: Robot, training: str, inputs: str, scope: Scope, bases: Sequence[str] = tuple(BASES)) -> Case:
-    """Return the case of a robot, a training and inputs by their names."""
+def cases_of(seed: Robot, training: str, inputs: str, scope: Scope, bases: Sequence[str] = tuple(BASES)) -> list[Case]:
+    """Return the cases of a robot, a training and inputs by their names; the nominal robot's learner has its own."""
     parts, seconds = TRAININGS[training], TEST_SECONDS
     if scope.quick:
         parts, seconds = tuple((base, 1.0) for base, _ in parts[:2]), 20.0
-    return base_errors.case(
-        seed=seed,
-        training=parts,
-        inputs=INPUTS[inputs],
-        networks=() if scope.quick else scope.networks_of(NOMINAL)[:NETWORKS],
-        bases=bases,
-        test_seconds=seconds,
-    )
+    asked = {"seed": seed, "training": parts, "bases": bases, "test_seconds": seconds}
+    networks = () if scope.quick else scope.networks_of(NOMINAL)[:NETWORKS]
+    learner = base_errors.case(inputs=OWN_INPUTS[inputs], networks=(), kinds=(LEARNER,), **asked)
+    return [base_errors.case(inputs=INPUTS[inputs], networks=networks, **asked), *[learner] * (seed is NOMINAL)]
 
 
 def cases(scope: Scope) -> list[Case]:
     """Return a case for every robot, training and inputs."""
     trainings = [LEVEL] if scope.quick else list(TRAININGS)
-    return [case(*each, scope) for each in product(scope.robots, trainings, SHOWN)]
+    return [case for each in product(scope.robots, trainings, SHOWN) for case in cases_of(*each, scope)]
 
 
 def errors(o: Outcomes, training: str, inputs: str, base: str, model: str) -> Floats:
     """Return RMSE (robots, 3) of a model on a base."""
     of_robots = [
         result[base][model]
-        for arguments, result in o.items(base_errors, inputs=list(INPUTS[inputs]))
+        for arguments, result in o.items(base_errors, inputs=list((OWN_INPUTS if model == LEARNER else INPUTS)[inputs]))
         if _is(arguments["training"], training) and model in result.get(base, {})
     ]
     if not of_robots:
@@ -198,7 +209,7 @@ def report(o: Outcomes) -> Report:
     title = "{}, RMSE by the base of the test"
     caption = (
         "RMSE by the base of the test; circles trained level, squares at 20° about Z0, triangles on several tilts; "
-        "mean over robots, filled the network, empty the linear model"
+        "mean over robots, filled the network, empty the linear model, with a thick edge the learner"
     )
     tables = joint_tables(title, ["trained", "inputs", "model", *BASES], content)
     return Report(tables, {caption: _picture(o)}, _remarks(o))
@@ -245,6 +256,7 @@ def _picture(o: Outcomes) -> Any:
             panel.plot(
                 b + 0.22 * (t - 1) + 0.08 * (i - 0.5), reached, SHAPES[training], color=COLORS[inputs], ms=5,
                 markerfacecolor=COLORS[inputs] if model == "network" else "white",
+                markeredgewidth=2.0 if model == LEARNER else 0.8,
                 label=f"{training}, {inputs}" if (b, model) == (0, "network") else None,
             )  # fmt: skip
         panel.set_xticks(range(len(BASES)), BASES, rotation=35, fontsize=8, ha="right")

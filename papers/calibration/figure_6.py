@@ -30,14 +30,14 @@ from papers.calibration.judging import (
     statement,
 )
 from papers.calibration.published import SIX_HOURS_POLYNOMIAL_J1
-from papers.calibration.recordings import LEARNER, NETWORK, draws, homed, random_log
+from papers.calibration.recordings import EARLIER, NETWORK, draws, homed, random_log
 from papers.calibration.six_hours import CONDITIONS, HOURS, LONG, LONGEST, OFFSET, SHORT, SHORTEST, Condition, measured
 from papers.experiment import NOMINAL, Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import METHOD_COLORS, log_scale, panels
 from papers.kit import IN_UNITS, Missing, as_text, by_count, by_robot, filled, graded, grid, joint_tables, rows, table
 from papers.plant.targets import fitted_to
 
-SHOWN = (OFFSET, "linear", "polynomial", NETWORK, LEARNER)
+SHOWN = (OFFSET, "linear", "polynomial", NETWORK, EARLIER)
 TRAINED = {"3 longest": LONGEST, "3 shortest": SHORTEST}
 LEARNT = ("linear", NETWORK)  # which the paper compares on every joint
 COMPARED = (OFFSET, *LEARNT)

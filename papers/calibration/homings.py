@@ -43,7 +43,7 @@ GUARDED = {name: f"{name}, valid range" for name in MODELS}
 BASELINE, NONE, ONE = "no homing", "none seen", "one seen"
 CHAINS = (BASELINE, NONE, ONE)
 POSITIONING = "linear, positioning joints"
-METHODS_SHOWN = (*MODELS, *GUARDED.values(), POSITIONING, recordings.LEARNER)
+METHODS_SHOWN = (*MODELS, *GUARDED.values(), POSITIONING, recordings.EARLIER)
 TOOLS = ("roll", "wrist", "jaw1", "jaw2")
 HOMINGS = 5
 # sparsities before the first test, and those after it where the training sees a homing
@@ -134,7 +134,7 @@ def homing_errors(
             tests,
         )
     if ours:
-        _add(reached, recordings.LEARNER, _trainings(train, recordings.METHODS[recordings.LEARNER], ours), tests)
+        _add(reached, recordings.EARLIER, _trainings(train, recordings.METHODS[recordings.EARLIER], ours), tests)
     return reached
 
 

@@ -29,7 +29,7 @@ from papers.plant.targets import fitted_to
 MODELS = (recordings.NETWORK, "polynomial", "linear")
 PAPERS = (*MODELS, "fixed offset", "raw")
 PAPERS_CHOICE: Direction = "J2-J3"
-SHOWN = (recordings.LEARNER, *PAPERS)
+SHOWN = (recordings.EARLIER, *PAPERS)
 BEST_TWO = 2  # directions of each joint and model that the paper marks bold
 # shares of the fixed offset's error: what the network removes, and what any of nine entries
 MOST_REMOVED, LEAST_REMOVED = 0.76, 0.649
@@ -43,9 +43,9 @@ def direction_errors(
     train, test = _recorded(seed, direction, sparsities, test_seconds)
     reached: dict[str, list[float]] = {}
     for name, options in recordings.METHODS.items():
-        seeds = {recordings.NETWORK: networks, recordings.LEARNER: networks[:1]}.get(name, (0,))
+        seeds = {recordings.NETWORK: networks, recordings.EARLIER: networks[:1]}.get(name, (0,))
         models = [recordings.fitted(train, replace(options, seed=network)) for network in seeds]
-        used = models if name == recordings.LEARNER else [recordings.unguarded(model) for model in models]
+        used = models if name == recordings.EARLIER else [recordings.unguarded(model) for model in models]
         reached[name] = recordings.mean([recordings.rmse(model, recordings.rows_of(model, test)) for model in used])
         if name == "linear":
             reached |= recordings.baselines(models[0], recordings.rows_of(models[0], test))
@@ -104,7 +104,7 @@ def _picture(o: Outcomes) -> Any:
     directions = [each for each in DIRECTIONS if o.of(direction_errors, direction=each)]
     places = np.arange(len(directions))
     for j, panel in enumerate(axes):
-        for k, method in enumerate((*MODELS, recordings.LEARNER)):
+        for k, method in enumerate((*MODELS, recordings.EARLIER)):
             reached = np.array([errors(o, direction, method)[:, j] for direction in directions])
             at = places + (k - 1.5) * 0.2
             panel.bar(at, reached.mean(axis=1), 0.18, color=METHOD_COLORS[method], label=method)

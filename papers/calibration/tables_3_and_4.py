@@ -24,7 +24,7 @@ from papers.calibration.judging import CLEARLY, by_joint, less, near
 from papers.calibration.peer_hours import PEERS, PROCESS, UKF, UKF_TOLD, peer_cases, peer_errors, peer_hours
 from papers.calibration.peers.elastic_joints import SOFTEST, STIFFEST
 from papers.calibration.published import TABLE_3_OTHERS, TABLE_3_OURS, TABLE_4_OTHERS, TABLE_4_OURS, TIP_RAW
-from papers.calibration.recordings import LEARNER, NETWORK, SETS
+from papers.calibration.recordings import EARLIER, NETWORK, SETS
 from papers.calibration.six_hours import DRAWN, OFFSET, RAW, cases_of, measured
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Scope, TitledTable
 from papers.figures import METHOD_COLORS, legend_below, panels
@@ -40,7 +40,7 @@ distance in hour 0 is the root of the sum of its squares in x, y and z, so RMSE 
 One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio.
 That margin was added after a first run.
 """
-OURS = (RAW, OFFSET, "linear", NETWORK, LEARNER)
+OURS = (RAW, OFFSET, "linear", NETWORK, EARLIER)
 PICTURED = (*OURS[1:], *PEERS)
 COLORS = METHOD_COLORS | dict(zip(PEERS, ("#8455a8", "#c3a6d8", "#b0413e", "#7a5c12", "#7fa3cf"), strict=True))
 CALLED = {NETWORK: "network", "linear": "linear model"}

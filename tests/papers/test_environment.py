@@ -27,7 +27,7 @@ QUICK = Scope((None,), networks=1, quick=True)
 CASES = [
     decomposition.case(robot="raven2"),
     errors_of.case(controller="PD, inertia, gravity", speed=1.0),
-    tilted_calibration.case(None, tilted_calibration.LEVEL, tilted_calibration.PAPERS, QUICK, ("level",)),
+    *tilted_calibration.cases_of(None, tilted_calibration.LEVEL, tilted_calibration.PAPERS, QUICK, ("level",)),
 ]
 ELSEWHERE = """
 import json

@@ -12,7 +12,7 @@ from typing import Self
 
 import numpy as np
 
-from catenary.arrays import Floats, Integers
+from catenary.arrays import Flags, Floats, Integers
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.cards import StoredFloats, StoredIntegers
 from catenary.errors import InputError
@@ -61,6 +61,11 @@ class Terms:
     def __len__(self) -> int:
         of_positions = (POWERS + WAVES) * len(self.positions) + 2 * TURNS * len(self.angles)
         return len(self.middle) + of_positions + SATURATIONS * len(self.loads) + len(self.pairs)
+
+    def taking(self, features: Flags) -> Flags:
+        """Return which terms (C,) some features (F,) enter: themselves, or products with them."""
+        others = len(self) - len(features) - len(self.pairs)
+        return np.concatenate([features, np.zeros(others, dtype=bool), features[self.pairs].any(axis=1)])
 
     def step(self, X: Floats, Z: Floats) -> Step:
         """Return the compiled step that writes the terms Z (N, C) of features X (N, F)."""

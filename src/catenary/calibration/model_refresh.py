@@ -1,16 +1,18 @@
 """A fitted model brought up to date by minutes of a new day: zero, scale and friction as one Bayesian mean.
 
-What a day changes is, of each joint, a zero and slopes of its correction and of its position; and of joints that
-friction couples the level of each element's friction, in its logarithm, whose effect is the derivative of all
-corrections by it. All are the mean of one linear regression [Bishop, Pattern Recognition and Machine Learning, 2006,
-section 3.3], recomputed where the level lies. Before the day a drift may be as large as what its rows show, of the zero
-as of each slope over the trained range, and friction has a spread of _LEVEL_SPREAD.
+What a day changes is, of each joint, a zero and slopes of its correction and of its position, or the size of what its
+play and friction states add, or both; and of joints that friction couples the level of each element's friction, in its
+logarithm, whose effect is the derivative of all corrections by it. All are the mean of one linear regression [Bishop,
+Pattern Recognition and Machine Learning, 2006, section 3.3], recomputed where the level lies. Before the day a drift
+may be as large as what its rows show, of the zero as of each slope over the trained range, and friction has a spread of
+_LEVEL_SPREAD.
 
 Neighbouring rows are hardly independent, and minutes tell nothing of where they did not go: rows count as a look for
 each two sweeps of half the trained range, before which a zero cannot be separated from the side of the slack on which
 the joint lies, with an error as large as the model's intervals claim or the regression leaves. A joint keeps its model
 where blocks of time that are left out in turn show no gain, by one standard error of the paired differences (Breiman et
-al., Classification and Regression Trees, 1984, 3.4.3); friction its level, by two.
+al., Classification and Regression Trees, 1984, 3.4.3). Else it takes friction alone, or with a zero, or zero and scale,
+where these leave hardly more than all do. Joints that friction couples keep its level where they gain less than two.
 """
 
 from dataclasses import dataclass, replace
@@ -26,12 +28,20 @@ from catenary.calibration.evaluate import CrossValidation, rms
 from catenary.calibration.fit_rows import largest_shown
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel
+from catenary.calibration.predictors import Expansion
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.errors import InputError
 from catenary.units import DISPLAY
 
-UNCHANGED, ZERO_AND_SCALE, FRICTION_LEVEL = "nothing", "zero and scale", "friction level"
+UNCHANGED, ZERO_AND_SCALE, FRICTION = "nothing", "zero and scale", "friction"
+_ZERO = "zero"
+# what may change of a joint, which compete: columns of its memory, a zero, its correction and its position
+_COLUMNS = {
+    FRICTION: [0], _ZERO: [1], f"{FRICTION} and {_ZERO}": [0, 1], ZERO_AND_SCALE: [1, 2, 3],
+    f"{FRICTION}, {ZERO_AND_SCALE}": [0, 1, 2, 3],
+}  # fmt: skip
+_NEAR_RATIO = 1.05  # of errors: drawn arms of even seeds, whose friction grew by a half, have up to 1.04
 _BLOCKS = 8  # of time, on which changes are judged
 _MIN_ROWS = 40  # five a block
 _RESOLUTION_SI = 1e-9  # [rad|m] differences that no encoder shows
@@ -48,7 +58,7 @@ class JointChange:
 
     name: str
     unit: str  # "deg" or "mm"
-    change: str  # UNCHANGED or ZERO_AND_SCALE, or FRICTION_LEVEL and one of these
+    change: str  # UNCHANGED, or one of _COLUMNS
     moved: float  # mean change of the correction over the new rows
     rmse_before: float  # of the old model on the new rows
     rmse_after: float  # on blocks that the refreshed model's candidate was not fitted to
@@ -79,33 +89,42 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, recordings: Re
     old, seen = model.correction(data.X, data.q_nominal), _swept(model, data)
     nothing = np.zeros((*data.error.shape, 0))
     day, notes, names = _Day(model, data, np.zeros(0), nothing), list[str](), list(model.joint_names)
-    mean = day.mean(block, seen)
-    how = [""] * len(names)
+    means = {change: day.mean(block, seen, change) for change in _COLUMNS}
+    how, factors, sizes = [""] * len(names), np.ones(len(names)), dict[str, float]()
     if recordings is not None and model.features.friction is not None:
         coupled = [name.removeprefix("q:") for name in model.features.friction.positions]
         other = _at_its_level(day, recordings, block, seen)
-        shown = other.mean(block, seen)
-        if _pays_level(mean.left, shown.left, block, [names.index(name) for name in coupled]):
-            day, mean = other, shown
-            how = [FRICTION_LEVEL if name in coupled else "" for name in names]
-            factors = zip(coupled, np.exp(day.level).tolist(), strict=False)
-            notes.append(f"friction of this day over the model's: {', '.join(f'{n} {f:.2f}' for n, f in factors)}")
+        shown = {change: other.mean(block, seen, change) for change in _COLUMNS}
+        before, after = (each[ZERO_AND_SCALE].left for each in (means, shown))
+        if _pays_level(before, after, block, [names.index(name) for name in coupled]):
+            day, means, how = other, shown, [FRICTION if name in coupled else "" for name in names]
+            sizes = dict(zip(coupled, np.exp(day.level).tolist(), strict=False))
     left, moved, adjustment = day.residual.copy(), np.zeros(len(names)), model.adjusted.copy()
     for j, name in enumerate(names):
         inside = day.inside[:, j]
         if not inside.all():
             notes.append(f"{name}: {1.0 - inside.mean():.1%} of the new rows lie outside the valid range")
         rows = day.used(j)
-        if _pays(day.residual[rows, j], mean.left[rows, j], block[rows]):
-            how[j] = ", ".join(filter(None, (how[j], ZERO_AND_SCALE)))
+        left_by = {kind: mean.left[rows, j] for kind, mean in means.items()}
+        shown_kind = ZERO_AND_SCALE if how[j] else _shown_change(left_by)
+        if _pays(day.residual[rows, j], left_by[shown_kind], block[rows]):
+            mean, how[j] = means[shown_kind], ", ".join(filter(None, (how[j], shown_kind)))
             if seen[j][1] < MIN_SWEEPS:
-                notes.append(_too_local(name, seen[j]))
+                notes.append(_too_local(name, seen[j], shown_kind))
             slopes, zero = mean.slopes[j], mean.zeros[j]
-            moved[j] = (zero + day.correction[rows, j] * slopes[0] + data.q_nominal[rows, j] * slopes[1]).mean()
+            columns = np.column_stack([day.memory[:, j], day.correction[:, j], data.q_nominal[:, j]])
+            moved[j] = (zero + columns[rows] @ slopes).mean()
             left[:, j] = np.where(rows, mean.left[:, j], left[:, j] - moved[j])
-            adjustment[:, j] = adjustment[:, j] * (1.0 + slopes[0]) + [0.0, slopes[1], zero]
+            adjustment[:, j] = adjustment[:, j] * (1.0 + slopes[1]) + [0.0, slopes[2], zero]
+            factors[j] = 1.0 + slopes[0] / (1.0 + slopes[1])
+            sizes |= {name: float(factors[j])} if FRICTION in shown_kind else {}
+    if sizes:
+        notes.append(f"friction of this day over the model's: {', '.join(f'{n} {f:.2f}' for n, f in sizes.items())}")
     refreshed = replace(
-        day.model, offset=model.offset + moved, adjustment=adjustment, largest=np.full(len(names), ANY_SIZE)
+        _with_friction(day.model, factors),
+        offset=model.offset + moved,
+        adjustment=adjustment,
+        largest=np.full(len(names), ANY_SIZE),
     )
     change = refreshed.correction(day.data.X, data.q_nominal) - old
     # where the new rows did not go, corrections moved as far as on them
@@ -139,7 +158,7 @@ def _wider(old: Intervals, errors: CrossValidation) -> Intervals | None:
 
 class _Mean(NamedTuple):
     level: Floats  # (m,) change of the logarithm of each element's friction
-    slopes: Floats  # (n, 2) of corrections and of positions
+    slopes: Floats  # (n, 3) of what memory adds to corrections, of corrections, and of positions
     zeros: Floats  # (n,) [rad|m]
     left: Floats  # (N, n) errors of means without each row's block [rad|m]
 
@@ -150,31 +169,40 @@ class _Day:
         self.level, self.by_level = level, by_level  # (m,) in logarithms; (N, n, m) slopes of corrections
         self.correction, self.inside, _ = model.correct(data.X, data.q_nominal)
         self.residual = data.error - self.correction
+        self.memory = np.zeros_like(self.residual)  # what play and friction states add to corrections, (N, n)
+        for group in model.groups:
+            if isinstance(predictor := group.predictor, Expansion):
+                kept, joints = predictor.terms.taking(model.features.bounded[group.columns]), list(group.joints)
+                terms = predictor.terms.of(data.X[:, group.columns])[:, kept]
+                self.memory[:, joints] = terms @ predictor.weights[kept] * model.adjusted[0, joints]
+        self.memory *= self.inside
 
     def used(self, joint: int) -> Flags:
         """Return the rows that tell of a joint's model, (N,): all where hardly one lies in its valid range."""
         inside = self.inside[:, joint]
         return inside if inside.sum() >= _MIN_ROWS else np.ones_like(inside)
 
-    def mean(self, block: Integers, seen: list[tuple[float, int]]) -> _Mean:
-        """Return the mean of the level and of all joints' zeros and slopes, from rows in blocks (N,)."""
-        n, m = len(seen), len(self.level)
-        sums, moments = np.zeros((_BLOCKS, m + 3 * n, m + 3 * n)), np.zeros((_BLOCKS, m + 3 * n))
-        spread, designs = np.full(m + 3 * n, _LEVEL_SPREAD**2), []
+    def mean(self, block: Integers, seen: list[tuple[float, int]], change: str) -> _Mean:
+        """Return the mean of the level and of what a change has of all joints, from rows in blocks (N,)."""
+        n, m, taken = len(seen), len(self.level), _COLUMNS[change]
+        size, is_drift = m + len(taken) * n, np.array(taken) > 0
+        sums, moments = np.zeros((_BLOCKS, size, size)), np.zeros((_BLOCKS, size))
+        spread, designs = np.full(size, _LEVEL_SPREAD**2), []
         for j in range(n):
             rows, (middle, unit) = self.used(j), self._trained(j)
             columns = (np.column_stack([self.correction[:, j], self.data.q_nominal[:, j]]) - middle) / unit
             columns *= self.inside[:, j].sum() >= _MIN_ROWS  # of the fixed offset the zero alone
-            A, y = np.column_stack([self.by_level[:, j], np.ones(len(rows)), columns]), self.residual[:, j]
-            own = np.append(np.arange(m), m + 3 * j + np.arange(3))
-            noise, spread[own[m:]] = self._noise(j, A[rows], y[rows])
+            own_columns = np.column_stack([self.memory[:, j], np.ones(len(rows)), columns])[:, taken]
+            A, y = np.column_stack([self.by_level[:, j], own_columns]), self.residual[:, j]
+            own = np.append(np.arange(m), m + len(taken) * j + np.arange(len(taken)))
+            noise, spread[own[m:][is_drift]] = self._noise(j, A[rows], y[rows])
             weight = 0.5 * (seen[j][1] + 1) / (noise * rows.sum())
             designs.append((A, own, middle, unit))
             for k in range(_BLOCKS):
                 part = rows & (block == k)
                 sums[k][np.ix_(own, own)] += weight * A[part].T @ A[part]
                 moments[k][own] += weight * A[part].T @ y[part]
-        prior = np.append(-self.level, np.zeros(3 * n)) / spread
+        prior = np.append(-self.level, np.zeros(size - m)) / spread
         total, moment, left = (
             sums.sum(axis=0) + np.diag(1.0 / spread),
             moments.sum(axis=0) + prior,
@@ -185,10 +213,11 @@ class _Day:
             for j, (A, own, _, _) in enumerate(designs):
                 left[block == k, j] -= A[block == k] @ mean[own]
         mean = np.linalg.solve(total, moment)
-        of_joints = mean[m:].reshape(n, 3)
-        slopes = of_joints[:, 1:] / np.array([unit for *_, unit in designs])
-        zeros = of_joints[:, 0] - np.sum(slopes * [middle for _, _, middle, _ in designs], axis=1)
-        return _Mean(mean[:m], slopes, zeros, left)
+        of_joints = np.zeros((n, 4))
+        of_joints[:, taken] = mean[m:].reshape(n, len(taken))
+        slopes = of_joints[:, 2:] / np.array([unit for *_, unit in designs])
+        zeros = of_joints[:, 1] - np.sum(slopes * [middle for _, _, middle, _ in designs], axis=1)
+        return _Mean(mean[:m], np.column_stack([of_joints[:, 0], slopes]), zeros, left)
 
     def _trained(self, joint: int) -> tuple[Floats, Floats]:
         """Return middle and spread of a joint's correction and position in training, (2,) each."""
@@ -230,7 +259,7 @@ def _at_its_level(day: _Day, recordings: Recordings, block: Integers, seen: list
         by_level = np.stack([(high - low) / (2.0 * _LEVEL_STEP) for high, low in ends], axis=-1)
         day = _Day(*at(level), level, by_level)
         if look + 1 < _LOOKS_AT_LEVEL:
-            level = np.clip(level + day.mean(block, seen).level, -_LARGEST_LEVEL, _LARGEST_LEVEL)
+            level = np.clip(level + day.mean(block, seen, ZERO_AND_SCALE).level, -_LARGEST_LEVEL, _LARGEST_LEVEL)
     return day
 
 
@@ -261,9 +290,9 @@ def _swept(model: CalibrationModel, data: CalibrationData) -> list[tuple[float, 
     return swept
 
 
-def _too_local(name: str, seen: tuple[float, int]) -> str:
+def _too_local(name: str, seen: tuple[float, int], change: str) -> str:
     return (
-        f"{name}: these minutes are too local for all of a change of {ZERO_AND_SCALE}: they show {seen[0]:.0%} of the "
+        f"{name}: these minutes are too local for all of a change of {change}: they show {seen[0]:.0%} of the "
         f"trained range in {seen[1]} sweeps, expected {MIN_SWEEPS} sweeps; drive `catenary excite --refresh`"
     )
 
@@ -280,6 +309,33 @@ def _pays(before: Floats, left: Floats, block: Integers) -> bool:
     gain = rmse[:, 0] - rmse[:, 1]
     least = gain.std(ddof=1) / np.sqrt(len(gain)) + _RESOLUTION_SI + _CLOSE_SHARE * rmse[:, 1].mean()
     return bool(gain.mean() > least)
+
+
+def _shown_change(left: dict[str, Floats]) -> str:
+    """Return the simplest change whose errors (N,) on held-out blocks are nearly as small as any's.
+
+    Where a correction is mostly memory, its scale explains a day's friction as well as friction does.
+    """
+    errors = {change: rms(values) for change, values in left.items()}
+    close = _NEAR_RATIO * min(errors.values()) + _RESOLUTION_SI
+    near = [
+        change for change in (FRICTION, _ZERO, f"{FRICTION} and {_ZERO}", ZERO_AND_SCALE) if errors[change] <= close
+    ]
+    shown = next(iter(near), f"{FRICTION}, {ZERO_AND_SCALE}")
+    return ZERO_AND_SCALE if shown == _ZERO else shown
+
+
+def _with_friction(model: CalibrationModel, factors: Floats) -> CalibrationModel:
+    """Return a model in which what play and friction states add of joints is larger by factors (n,)."""
+    groups = []
+    for group in model.groups:
+        own = factors[list(group.joints)]
+        if isinstance(predictor := group.predictor, Expansion) and (own != 1.0).any():
+            kept = predictor.terms.taking(model.features.bounded[group.columns])
+            weights = np.where(kept[:, None], predictor.weights * own, predictor.weights)
+            group = replace(group, predictor=replace(predictor, weights=weights))
+        groups.append(group)
+    return replace(model, groups=tuple(groups))
 
 
 def _pays_level(before: Floats, left: Floats, block: Integers, joints: list[int]) -> bool:

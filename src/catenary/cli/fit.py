@@ -208,7 +208,7 @@ def refresh(
     """Update a model with minutes of a new day.
 
     If the model has friction states, their level is updated first. Then each joint gets the smallest change that
-    cross-validation on the new data supports: nothing, or zero and scale. The card
+    cross-validation on the new data supports: nothing, friction, zero and scale, or both. The card
     states the original model, what changed, and since when.
     `catenary excite --refresh` drives a motion that shows enough.
 
