@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from catenary.calibration.cable_paths import find_cables, play_states
+from catenary.calibration.cable_search import find_cables, play_states
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.recordings import Recordings
 from catenary.plant import MotionLog

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.calibration.cable_paths import play_states
+from catenary.calibration.cable_search import play_states
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.evaluate import evaluate
 from catenary.calibration.extrapolation import _SKETCHES, _Regression

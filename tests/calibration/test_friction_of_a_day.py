@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from catenary.calibration.cable_paths import play_states
+from catenary.calibration.cable_search import find_friction, play_states
 from catenary.calibration.dataset import calibration_data
+from catenary.calibration.features import Matrix
 from catenary.calibration.fit_options import FitOptions
-from catenary.calibration.friction_fit import find_friction
-from catenary.calibration.friction_states import Matrix
 from catenary.calibration.model import CalibrationModel
 from catenary.calibration.model_refresh import FRICTION, UNCHANGED, ZERO_AND_SCALE, Refreshed, refresh_model
 from catenary.calibration.recordings import Recordings

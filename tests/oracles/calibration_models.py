@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from catenary.arrays import Floats
 from catenary.calibration.corrector import Corrector
 from catenary.calibration.feature_terms import Terms
-from catenary.calibration.features import FeatureSet
-from catenary.calibration.friction_states import FrictionStates
+from catenary.calibration.features import FeatureSet, FrictionStates
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.predictors import Activation, Expansion, Leverage, Network, Predictor, linear
 from catenary.calibration.valid_range import fit_valid_range

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from datetime import date as day
 from typing import Any, get_args
 
-from catenary.calibration.friction_states import FoundFriction
+from catenary.calibration.features import FrictionStates
 from catenary.calibration.intervals import check_level
 from catenary.calibration.model import Target
 from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS, OWN, ModelKind, kind_of
@@ -20,8 +20,16 @@ COVERAGE = 0.9
 
 
 @dataclass(frozen=True)
+class FoundFriction:
+    """Properties of joints that friction couples, found in recordings."""
+
+    states: FrictionStates
+    gain: float  # share of the coupled joints' error on blocks of time that friction states take from play states'
+
+
+@dataclass(frozen=True)
 class FoundCables:
-    """Properties of cables found in recordings (cable_paths.py)."""
+    """Properties of cables found in recordings (cable_search.py)."""
 
     paths: tuple[tuple[str, str, str, float], ...] = ()  # as those of a FeatureSet
     slacks: tuple[tuple[str, float], ...] = ()  # position or path, half-width of its slack [rad|m]
@@ -40,7 +48,7 @@ class FitOptions:
     target: Target = "error"
     ridge: float | None = None  # None means 0, or 10 with play states
     seed: int = 0
-    coupled: tuple[str, ...] | None = None  # joints that friction couples; found when None (friction_fit.py)
+    coupled: tuple[str, ...] | None = None  # joints that friction couples; found when None (cable_search.py)
     friction: FoundFriction | None = None  # what was found
     cables: FoundCables | None = None  # what was found
     # of model "own": has scikit-learn's fit, predict and get_params, or is a function of features

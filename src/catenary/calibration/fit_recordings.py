@@ -8,7 +8,7 @@ from functools import cache, partial
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.calibration.cable_paths import find_cables
+from catenary.calibration.cable_search import find_cables, find_friction
 from catenary.calibration.card import model_card
 from catenary.calibration.conformal import DelayMargin, estimate_intervals, expected, fewest_rows, unseen_by_blocks
 from catenary.calibration.corrector import Corrector
@@ -17,7 +17,6 @@ from catenary.calibration.evaluate import CrossValidation, Evaluation, Spread, c
 from catenary.calibration.features import FeatureSet
 from catenary.calibration.fit_options import FitOptions, FitRun
 from catenary.calibration.fit_rows import MIN_ROWS, choose_inputs, fit_model
-from catenary.calibration.friction_fit import find_friction
 from catenary.calibration.intervals import Intervals
 from catenary.calibration.model import CalibrationModel, Card
 from catenary.calibration.recordings import Recordings
