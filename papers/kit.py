@@ -97,6 +97,11 @@ def grid(run: Run, axes: Mapping[str, Iterable[Plain]], /, **fixed: Plain) -> li
     ]
 
 
+def rounded(values: Iterable[float], digits: int = 6) -> list[float]:
+    """Return numbers as plain data."""
+    return [round(float(value), digits) for value in values]
+
+
 def cells(values: Floats, digits: int = 3) -> list[str]:
     """Return mean and spread over robots of every column of numbers (robots, columns)."""
     return [mean_and_spread(column, digits) for column in values.T]

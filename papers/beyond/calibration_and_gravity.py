@@ -16,7 +16,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -39,6 +38,7 @@ from papers.calibration.recordings import SPARSITIES, calibration_log, draws, fi
 from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.gravity.raven_base import SHOWN, turned_base
+from papers.gravity.static_poses import rms
 from papers.kit import JOINTS, UNITS, Missing, by_robot, cells, rows, sample, table, unless_missing
 
 N = 3
@@ -160,17 +160,12 @@ def _followed(
     reported, true, feedback, torque, wrong = (np.array(column) for column in zip(*rows, strict=True))
     outside = done.outside_valid_range or (0.0,) * N
     return {
-        "reported": (SHOWN * _rms(reported)).tolist(),
-        "true": (SHOWN * _rms(true)).tolist(),
-        "pd_share": (100.0 * _rms(feedback) / _rms(torque)).tolist(),
-        "gravity": _rms(wrong).tolist(),
+        "reported": (SHOWN * rms(reported)).tolist(),
+        "true": (SHOWN * rms(true)).tolist(),
+        "pd_share": (100.0 * rms(feedback) / rms(torque)).tolist(),
+        "gravity": rms(wrong).tolist(),
         "outside": list(outside),
     }
-
-
-def _rms(values: Floats) -> Floats:
-    rms: Floats = np.sqrt(np.mean(values**2, axis=0))
-    return rms
 
 
 @run(revision=1)
@@ -210,9 +205,9 @@ def cases(scope: Scope) -> list[Case]:
         angles = ANGLES_DEG[:1] if scope.quick else ANGLES_DEG
         made.append(held.case(seed=seed, angles_deg=angles, sparsities=sparsities, seconds=held_s))
         made += [
-            case
-            for training, torque in product(TRAININGS[:1] if scope.quick else TRAININGS, TORQUES)
-            for case in tilted.cases_of(seed, training, torque, scope)
+            tilted.cases_of(seed, training, torque, scope)[0]
+            for training in (TRAININGS[:1] if scope.quick else TRAININGS)
+            for torque in TORQUES
         ]
     return made
 

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from catenary import CablePlant, MotionLog
 from catenary.arrays import Floats
-from catenary.calibration.dataset import CalibrationData, calibration_data
-from catenary.calibration.evaluate import evaluate
+from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model import CalibrationModel
@@ -30,7 +29,7 @@ from papers.beyond.rehoming import home_from
 from papers.calibration.dvrk import JOINTS as DVRK_JOINTS
 from papers.calibration.dvrk import RECORDINGS, log_of
 from papers.calibration.dvrk import UNITS as DVRK_UNITS
-from papers.calibration.recordings import draws, fitted, homed, random_log
+from papers.calibration.recordings import draws, fitted, homed, random_log, rmse
 from papers.experiment import NOMINAL, Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.kit import JOINTS, UNITS, cells, filled, graded, grid, rows, sample, table
 
@@ -101,12 +100,8 @@ def _stages(
     models = {BEFORE: old}
     for name, minutes in ((ONE, 1.0), (FIVE, 5.0)):
         models[name] = refresh_model(old, new.rows(since < minutes * MINUTE)).model
-    by_stage = {name: _rmse(model, new.rows(late)) for name, model in models.items()}
-    return by_stage | {ALL: _rmse(refit, of_refit.rows(late))}
-
-
-def _rmse(model: CalibrationModel, data: CalibrationData) -> list[float]:
-    return [joint.rmse for joint in evaluate(model, data).joints]
+    by_stage = {name: rmse(model, new.rows(late)) for name, model in models.items()}
+    return by_stage | {ALL: rmse(refit, of_refit.rows(late))}
 
 
 def pairs() -> list[tuple[str, str]]:

@@ -13,9 +13,8 @@ robot just switched on can do no other. Take the new registration back, as encod
 offsets are in raven_state. Give a model the elbow's offset as an input, after training in three parts with homings from
 the corner and from the home pose between them.
 
-Models are the linear one, the paper's network, mean of two trainings, and of the nominal robot the learner, within its
-valid range, on positions and torques of the positioning joints: the tool's positions, which homing moves too, are
-figure 9's matter.
+Models are the linear one and the paper's network, mean of two trainings, on positions and torques of the positioning
+joints: the tool's positions, which homing moves too, are figure 9's matter.
 """
 
 import itertools
@@ -50,11 +49,9 @@ HARMFUL = (HERE, CORNER)
 NOTHING, BACK, PARTED, OFFSET = "-", "registration taken back", "two homings seen", "elbow's offset as input"
 CURES = (NOTHING, BACK, PARTED, OFFSET)
 SHOWN = [*((order, NOTHING) for order in ORDERS), *((order, cure) for order in HARMFUL for cure in CURES[1:])]
-LEARNER, PAPERS = "learner", ("linear", "network")
 MODELS = {
     "linear": FitOptions(kind="linear", inputs=POSITIONING_INPUTS),
     "network": FitOptions(kind="neural", preset="paper", inputs=POSITIONING_INPUTS),
-    LEARNER: FitOptions(inputs=POSITIONING_INPUTS),
 }
 DRAWN = {
     (HERE, NOTHING): "#8a94a3",
@@ -98,7 +95,6 @@ def order_errors(
     sparsities: Sequence[float],
     homings: int,
     test_seconds: float,
-    models: Sequence[str] = PAPERS,
 ) -> Result:
     """Train on all zig-zags before the first of five homings in an order; test after each.
 
@@ -112,21 +108,16 @@ def order_errors(
     train = [recordings.calibration_log(plant, recordings.draws(seed, 0), sparsities=sparsities)]
     before = registration(plant)
     tests = random_tests(plant, seed, range(homings + 1), test_seconds, HOW[order], columns=("encoffsets",))
-    trained = _fitted(train, networks, {name: MODELS[name] for name in models})
-    reached = {NOTHING: _errors(trained, tests)}
+    models = _fitted(train, networks, MODELS)
+    reached = {NOTHING: _errors(models, tests)}
     if order in HARMFUL:
-        reached[BACK] = _errors(trained, [carried_back(log, plant.firmware, before) for log in tests])
+        reached[BACK] = _errors(models, [carried_back(log, plant.firmware, before) for log in tests])
     return reached
 
 
 @run(revision=1)
 def offset_errors(
-    seed: int | None,
-    networks: Sequence[int],
-    sparsities: Sequence[float],
-    homings: int,
-    test_seconds: float,
-    models: Sequence[str] = PAPERS,
+    seed: int | None, networks: Sequence[int], sparsities: Sequence[float], homings: int, test_seconds: float
 ) -> Result:
     """Train on zig-zags with homings from the corner and from the home pose between them, then home on and test.
 
@@ -142,15 +133,14 @@ def offset_errors(
             plant, recordings.draws(seed, 0, number), sparsities=(sparsity,), columns=("encoffsets",)
         )
         train.append(log)
-    plain = {name: MODELS[name] for name in models}
-    taking = {name: replace(o, inputs=(*POSITIONING_INPUTS, OFFSETS[1])) for name, o in plain.items()}
-    trained = {PARTED: _fitted(train, networks, plain), OFFSET: _fitted(train, networks, taking)}
+    taking = {name: replace(o, inputs=(*POSITIONING_INPUTS, OFFSETS[1])) for name, o in MODELS.items()}
+    models = {PARTED: _fitted(train, networks, MODELS), OFFSET: _fitted(train, networks, taking)}
     reached = {}
     for order in HARMFUL:
         tests = random_tests(
             deepcopy(plant), seed, range(homings + 1), test_seconds, HOW[order], columns=("encoffsets",)
         )
-        reached[order] = {cure: _errors(each, tests) for cure, each in trained.items()}
+        reached[order] = {cure: _errors(each, tests) for cure, each in models.items()}
     return reached
 
 
@@ -159,10 +149,7 @@ Fitted = Mapping[str, Sequence[CalibrationModel]]  # trainings by model
 
 def _fitted(train: Sequence[MotionLog], networks: Sequence[int], options: Mapping[str, FitOptions]) -> Fitted:
     return {
-        name: [
-            model if name == LEARNER else recordings.unguarded(model)
-            for model in (recordings.fitted(train, replace(one, seed=seed)) for seed in seeds)
-        ]
+        name: [recordings.unguarded(recordings.fitted(train, replace(one, seed=seed))) for seed in seeds]
         for name, one in options.items()
         if (seeds := networks if one.kind == "neural" else (0,))
     }
@@ -182,20 +169,15 @@ def cases(scope: Scope) -> list[Case]:
         (2, (1.0, 1.0), 1, 20.0) if scope.quick else (POSES, recordings.SPARSITIES, HOMINGS, recordings.TEST_SECONDS)
     )
     networks = () if scope.quick else scope.networks_of(NOMINAL)[:NETWORKS]
-    arguments: dict[str, Any] = {
-        "networks": networks, "sparsities": sparsities, "homings": homings, "test_seconds": seconds,
-    }  # fmt: skip
-    learnt = arguments | {"networks": (), "models": (LEARNER,)}  # of the nominal robot
+    arguments = {"networks": networks, "sparsities": sparsities, "homings": homings, "test_seconds": seconds}
     return [
-        *grid(registrations, {"seed": scope.robots}, poses=poses),
-        *(
-            case
-            for seed, taking in [*((seed, arguments) for seed in scope.robots), (NOMINAL, learnt)]
-            for case in (
-                *grid(order_errors, {"order": ORDERS}, seed=seed, **taking),
-                offset_errors.case(seed=seed, **taking),
-            )
-        ),
+        case
+        for seed in scope.robots
+        for case in (
+            registrations.case(seed=seed, poses=poses),
+            *grid(order_errors, {"order": ORDERS}, seed=seed, **arguments),
+            offset_errors.case(seed=seed, **arguments),
+        )
     ]
 
 

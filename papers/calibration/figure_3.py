@@ -24,7 +24,7 @@ from papers.calibration.published import BOX_SHARES, DURATIONS
 from papers.calibration.recordings import SPARSITIES
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import panels
-from papers.kit import IN_UNITS, JOINTS, Missing, as_text, by_count, grid, table
+from papers.kit import IN_UNITS, JOINTS, Missing, as_text, by_count, grid, rounded, table
 
 DENOMINATORS = (2, 3, 4, 5, 6)
 COMBINATIONS = ((1 / 2, 1 / 3), SPARSITIES)
@@ -58,13 +58,13 @@ def path(direction: Direction, sparsities: Sequence[float]) -> Result:
     unit = (rows - CALIBRATION_LOWER) / (CALIBRATION_UPPER - CALIBRATION_LOWER)
     return {
         "seconds": round(zigzag(direction, sparsities).duration, 1),
-        "low": _rounded(unit.min(axis=0), 4),
-        "high": _rounded(unit.max(axis=0), 4),
+        "low": rounded(unit.min(axis=0), 4),
+        "high": rounded(unit.max(axis=0), 4),
         "even": [even_share(column) for column in unit.T],
         "reversals": [sum(reversals(part[:, j]) for part in parts) for j in range(3)],
         "volume": round(float(ConvexHull(unit[corners(unit)]).volume), 4),
         "hole": round(largest_hole(unit), 4),
-        "corners": [_rounded(corner * DISPLAYED, 2) for part in parts for corner in part[corners(part)]],
+        "corners": [rounded(corner * DISPLAYED, 2) for part in parts for corner in part[corners(part)]],
     }
 
 
@@ -94,10 +94,6 @@ def largest_hole(unit: Floats) -> float:
     inside = grid[Delaunay(unit[corners(unit)]).find_simplex(grid) >= 0]
     distances, _ = KDTree(unit[::10]).query(inside)
     return 2.0 * float(np.max(distances))
-
-
-def _rounded(values: Floats, digits: int) -> list[float]:
-    return [float(value) for value in np.round(values, digits)]
 
 
 def cases(scope: Scope) -> list[Case]:

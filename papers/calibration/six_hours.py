@@ -34,6 +34,7 @@ from papers.calibration.inputs import ALL_138, SIXTEEN, STAMP, STAMPED_138
 from papers.calibration.recordings import EARLIER, LEARNER, METHODS, NETWORK, SETS, fitted, rows_of, unguarded
 from papers.experiment import Case, Outcomes, Plain, Result, Robot, Scope, run
 from papers.gravity.raven_base import SHOWN
+from papers.kit import rounded
 
 Condition = Literal["idle", "unloaded", "loaded"]
 CONDITIONS: tuple[Condition, ...] = ("idle", "unloaded", "loaded")
@@ -148,7 +149,7 @@ def left_by(model: CalibrationModel, data: CalibrationData) -> Floats:
 
 def joint_rmse(residual: Floats) -> list[float]:
     """Return the RMSE on J1 [deg], J2 [deg], J3 [mm] of errors (N, 3) [rad, rad, m]."""
-    return _plain(SHOWN * np.sqrt(np.mean(residual**2, axis=0)))
+    return rounded(SHOWN * np.sqrt(np.mean(residual**2, axis=0)))
 
 
 def tip_rmse(log: MotionLog, residual: Floats) -> list[float]:
@@ -162,7 +163,7 @@ def tip_rmse(log: MotionLog, residual: Floats) -> list[float]:
     robot = load_robot(ROBOT)
     true, corrected = (forward_kinematics(robot, np.hstack([q, wrist]), TIP)[1] for q in (truth, truth - residual))
     squares = np.mean((1e3 * (corrected - true)) ** 2, axis=0)
-    return _plain(np.sqrt([*squares, squares.sum()]))
+    return rounded(np.sqrt([*squares, squares.sum()]))
 
 
 def tested(fits: Sequence[CalibrationModel], log: MotionLog, *, guard: bool) -> dict[str, Plain]:
@@ -174,12 +175,8 @@ def tested(fits: Sequence[CalibrationModel], log: MotionLog, *, guard: bool) -> 
         residual = inside if guard else left_by(unguarded(model), data)
         outside = float(np.mean(~model.inside(data.X)))
         rows.append([*joint_rmse(residual), *joint_rmse(inside), *tip_rmse(log, residual), outside])
-    mean = _plain(np.mean(np.array(rows), axis=0))
+    mean = rounded(np.mean(np.array(rows), axis=0))
     return {"errors": mean[:3], "guarded": mean[3:6], "tip": mean[6:10], "outside": mean[10]}
-
-
-def _plain(values: Floats | Sequence[float]) -> list[float]:
-    return [round(float(value), 6) for value in values]
 
 
 @run(revision=1)
