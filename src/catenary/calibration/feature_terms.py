@@ -63,7 +63,7 @@ class Terms:
         return len(self.middle) + of_positions + SATURATIONS * len(self.loads) + len(self.pairs)
 
     def taking(self, features: Flags) -> Flags:
-        """Return which terms (C,) some features (F,) enter: themselves, or products with them."""
+        """Return flags (C,) of the terms that flagged features (F,) enter: themselves, or products with them."""
         others = len(self) - len(features) - len(self.pairs)
         return np.concatenate([features, np.zeros(others, dtype=bool), features[self.pairs].any(axis=1)])
 

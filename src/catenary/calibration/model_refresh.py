@@ -95,7 +95,7 @@ def refresh_model(model: CalibrationModel, data: CalibrationData, recordings: Re
         coupled = [name.removeprefix("q:") for name in model.features.friction.positions]
         other = _at_its_level(day, recordings, block, seen)
         shown = {change: other.mean(block, seen, change) for change in _COLUMNS}
-        before, after = (each[ZERO_AND_SCALE].left for each in (means, shown))
+        before, after = (by_change[ZERO_AND_SCALE].left for by_change in (means, shown))
         if _pays_level(before, after, block, [names.index(name) for name in coupled]):
             day, means, how = other, shown, [FRICTION if name in coupled else "" for name in names]
             sizes = dict(zip(coupled, np.exp(day.level).tolist(), strict=False))
