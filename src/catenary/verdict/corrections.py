@@ -301,7 +301,7 @@ def _later(
         measured[first + rows] = seen[before[rows]] * (1.0 - near) + seen[after[rows]] * near
         ok[first + rows] = True
     if joints is not None:
-        ok, others = ok & log.ok, [j for j in range(measured.shape[1]) if j not in joints]
+        ok, others = ok & log.ok, [j for j in range(len(log.joint_names)) if j not in joints]
         measured[:, others] = log.q_encoder[:, others]
     if not ok.any():
         raise InputError(f"{whose}: no row of {len(log)} is left")
@@ -331,10 +331,10 @@ def _leave_out(log: MotionLog, text: str) -> MotionLog:
     for part in text.split(","):
         if not re.fullmatch(r"\s*\d+:\d+\s*", part):
             raise InputError(f"--leave-out: expected FIRST:LAST such as 100:120, got {part!r}")
-        rows = slice(*map(int, part.split(":")))
-        if not rows.start < rows.stop <= len(log):
+        first, last = map(int, part.split(":"))
+        if not first < last <= len(log):
             raise InputError(f'recording "{log.name}": --leave-out: has rows 0 to {len(log)}, got {part}')
-        ok[rows] = False
+        ok[first:last] = False
     if log.q_encoder is None:
         return replace(log, ok=ok)
     measured = log.q_encoder.copy()
@@ -346,7 +346,8 @@ def left_out_rows(log: MotionLog) -> Flags:
     """Return flags (N,) of measured rows that were left out by an option."""
     rows = np.zeros(len(log), dtype=bool)
     for part in (part for text in log.settled.get("leave_out", ()) for part in text.split(",")):
-        rows[slice(*map(int, part.split(":")))] = True
+        first, last = map(int, part.split(":"))
+        rows[first:last] = True
     return rows & ~log.ok & (False if log.q_encoder is None else np.isfinite(log.q_encoder).all(axis=1))
 
 
