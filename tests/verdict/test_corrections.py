@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import InputError
 from catenary.plant import MotionLog
-from catenary.verdict.corrections import Mend
+from catenary.verdict.corrections import NO_MEND, Mend
 from recordings import recording as made
 
 
@@ -99,6 +99,19 @@ def test_a_clock_s_offset_and_rate_are_taken_out() -> None:
     mended = Mend(clock=(f"{0.3 / (1 - 2e-3)},{1e6 * (1 / (1 - 2e-3) - 1)}",))(late)
     assert mended.ok.mean() > 0.98
     assert_allclose(mended.q_encoder[mended.ok], log.q_encoder[mended.ok], atol=2e-4)
+
+
+def test_a_clock_of_one_joint_moves_its_column_alone() -> None:
+    t = np.arange(2000) / 100.0
+    q = np.sin(np.outer(t, [1.0, 2.0, 3.0]))
+    late = np.column_stack([q[:, 0], np.sin(2.0 * (t - 0.25)), q[:, 2]])
+    log = MotionLog(
+        "run", ("J1", "J2", "J3"), ("rad", "rad", "m"), q, np.ones(2000, dtype=bool), q_encoder=late, time=t
+    )
+    mended = NO_MEND.and_then("--sign J1 --clock J2=0.25")(log)
+    assert mended.settled == {"sign:q_encoder": ("q_encoder:J1",), "clock": ("J2=0.25",)}
+    assert_array_equal(np.flatnonzero(~mended.ok), np.arange(1975, 2000))
+    assert_allclose(mended.q_encoder[mended.ok], (q * [-1.0, 1.0, 1.0])[mended.ok], atol=1e-9)
 
 
 @pytest.mark.parametrize(

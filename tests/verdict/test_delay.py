@@ -120,6 +120,17 @@ def test_joints_that_lie_unlike_times_behind_are_named_and_refused(seconds, join
         assert abs(float(text) - true[joint]) < 0.02
 
 
+@pytest.mark.parametrize("seconds", [-0.2, 0.3])
+def test_a_joint_that_is_late_alone_is_mended_and_the_recording_is_then_as_a_clean_one(seconds):
+    log = cable_arm()
+    (told,) = (each for each in findings_of(late(log, seconds, slice(1, 2))) if each.refuses)
+    (low, high) = map(float, told.says.split("(J2 ")[1].split(")")[0].split(" to "))
+    assert low < seconds < high
+    mended = NO_MEND.and_then(told.remedy)(late(log, seconds, slice(1, 2)))
+    assert not [each for each in findings_of(mended) if each.refuses]
+    assert_allclose(mended.q_encoder[mended.ok], log.q_encoder[mended.ok], atol=np.deg2rad(0.5))
+
+
 def test_wild_rows_lost_rows_and_pauses_do_not_hide_it():
     log = late(cable_arm(), 0.1)
     rng, measured, ok = np.random.default_rng(1), log.q_encoder.copy(), log.ok.copy()

@@ -58,7 +58,9 @@ class RecordingOptions(MappingOptions):
     scale: Sequence[str] = _of_recordings("J=F", "Multiply this measured column; tau:J=F of torques.")
     offset: Sequence[str] = _of_recordings("J=X", "Add this to a measured column; q_nominal:J=X of positions [rad, m].")
     couple: Sequence[str] = _of_recordings("J/J=F", "Add F times the second's measured column to the first's.")
-    clock: Sequence[str] = _of_recordings("SECONDS,PPM", "Delay of measurements at the start, and its growth.")
+    clock: Sequence[str] = _of_recordings(
+        "SECONDS,PPM", "Delay of measurements at the start, and its growth; J=SECONDS of one joint."
+    )
     delay: float = _of_recordings("SECONDS", "Time by which measurements lag the commands.", 0.0)
     shift: int = _of_recordings("ROWS", "The same in rows, for recordings without time stamps.", 0)
     time_unit: str = _of_recordings("UNIT", "Unit of the stamps: s, ms, us, ns, min or ks.", "s")

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -12,7 +13,7 @@ from catenary.arrays import Flags, Floats
 from catenary.errors import InputError
 from catenary.plant import MotionLog
 from catenary.units import TO_SI
-from catenary.verdict.whole_turns import turned_back
+from catenary.verdict.whole_turns import from_median, turned_back
 
 _ARRAYS = ("q_nominal", "q_encoder", "q_reported", "qd", "tau")  # that an option may name: "tau:J2,J3"
 # of steps that name no array
@@ -42,7 +43,7 @@ class Mend:
     # "J2/J1=0.145" each: add 0.145 times the recorded column of J1 to that of J2; "tau:J1/J2=-0.145" of another array;
     # with q_nominal, qd and q_reported are coupled too
     couple: tuple[str, ...] = ()
-    # "0.73,50": lead of the sensor's clock at the first row [s], and its growth [ppm]
+    # "0.73,50": lead of the sensor's clock at the first row [s], and its growth [ppm]; "J2=0.3" of this joint's alone
     clock: tuple[str, ...] = ()
     shift: int = 0  # delay of the measurement in rows, of a recording without stamps
     time_unit: str = "s"  # of the stamps: s, ms, us, ns, min or ks
@@ -88,19 +89,22 @@ class Mend:
         return tuple(word for step, text in self._steps() for word in (f"--{step.replace('_', '-')}", text))
 
     def and_then(self, remedy: str) -> "Mend | None":
-        """Return this correction with an option such as "--delay 0.12" added; None if it is no correction."""
-        option, _, text = remedy.removeprefix("--").partition(" ")
+        """Return this correction with options such as "--delay 0.12" added; None if they are no correction."""
+        first, *others = re.split(r" (?=--)", remedy.removeprefix("--"))
+        option, _, text = first.partition(" ")
         step = option.replace("-", "_")
         if step not in _STEPS or not text:
             return None
         had = getattr(self, step)
         if step in ("delay", "shift"):
-            return replace(self, **{step: type(had)(had + float(text))})
-        if step == "time_unit" or (step == "units" and had):
+            mend = replace(self, **{step: type(had)(had + float(text))})
+        elif step == "time_unit" or (step == "units" and had):
             return replace(self, time_unit=text) if had == "s" else None
-        undone = step in ("swap", "sign") and text in had
-        texts = tuple(t for t in had if t != text) if undone else (*had, text)
-        return replace(self, **{step: texts})  # type: ignore[arg-type]  # a field by its name
+        else:
+            undone = step in ("swap", "sign") and text in had
+            texts = tuple(t for t in had if t != text) if undone else (*had, text)
+            mend = replace(self, **{step: texts})  # type: ignore[arg-type]  # a field by its name
+        return mend.and_then(" ".join(others)) if others else mend
 
 
 NO_MEND = Mend()
@@ -187,32 +191,29 @@ def _swap(log: MotionLog, text: str) -> MotionLog:
     return replace(log, **{key: values})  # type: ignore[arg-type]  # an array by its name
 
 
-def _sign(log: MotionLog, text: str) -> MotionLog:
-    array, names = units_of(text)
-    return _times(log, array, dict.fromkeys(names, -1.0), "--sign")
-
-
-def _unwrap(log: MotionLog, text: str) -> MotionLog:
-    array, periods = _numbers(text, "--unwrap", "JOINT=PERIOD such as J5=0.0022")
-    key, values = _array(log, array, "--unwrap")
-    for name, period in periods.items():
-        j = _joint(log, name, "--unwrap")
-        away = values[:, j] - log.q_nominal[:, j]
-        values[:, j] -= period * np.round((away - np.percentile(away[log.ok], 50.0, method="lower")) / period)
+def _of_columns(step: str, log: MotionLog, text: str) -> MotionLog:
+    """Return the log with single columns corrected, each by the number that the option gives its joint."""
+    (expected, corrected), option = _COLUMN_STEPS[step], f"--{step}"
+    array, numbers = _numbers(text, option, expected) if expected else (units_of(text)[0], {})
+    key, values = _array(log, array, option)
+    for name in numbers or units_of(text)[1]:
+        j = _joint(log, name, option)
+        values[:, j] = corrected(values[:, j], numbers.get(name, 1.0), log, j)
     return replace(log, **{key: values})  # type: ignore[arg-type]  # an array by its name
 
 
-def _scale(log: MotionLog, text: str) -> MotionLog:
-    array, factors = _numbers(text, "--scale", "JOINT=FACTOR such as J3=0.5")
-    return _times(log, array, factors, "--scale")
-
-
-def _offset(log: MotionLog, text: str) -> MotionLog:
-    array, added = _numbers(text, "--offset", "JOINT=NUMBER such as q_nominal:J3=0.1")
-    key, values = _array(log, array, "--offset")
-    for name, number in added.items():
-        values[:, _joint(log, name, "--offset")] += number
-    return replace(log, **{key: values})  # type: ignore[arg-type]  # an array by its name
+# what an option gives each joint, nothing where it names joints alone, and what it makes of a joint's column (N,)
+_COLUMN_STEPS: dict[str, tuple[str, Callable[[Floats, float, MotionLog, int], Floats]]] = {
+    "sign": ("", lambda values, _, log, j: -values),
+    "unwrap": (
+        "JOINT=PERIOD such as J5=0.0022",
+        lambda values, period, log, j: (
+            values - period * np.round(from_median(values - log.q_nominal[:, j], log.ok) / period)
+        ),
+    ),
+    "scale": ("JOINT=FACTOR such as J3=0.5", lambda values, factor, log, j: factor * values),
+    "offset": ("JOINT=NUMBER such as q_nominal:J3=0.1", lambda values, number, log, j: values + number),
+}
 
 
 def _couple(log: MotionLog, text: str) -> MotionLog:
@@ -244,13 +245,6 @@ def _numbers(text: str, option: str, expected: str) -> tuple[str | None, dict[st
     return array, numbers
 
 
-def _times(log: MotionLog, array: str | None, factors: Mapping[str, float], option: str) -> MotionLog:
-    key, values = _array(log, array, option)
-    for name, factor in factors.items():
-        values[:, _joint(log, name, option)] *= factor
-    return replace(log, **{key: values})  # type: ignore[arg-type]
-
-
 def _shift(log: MotionLog, text: str) -> MotionLog:
     if not re.fullmatch(r"-?\d{1,9}", text):
         raise InputError(f"--shift: expected rows such as 4, got {text!r}")
@@ -276,14 +270,21 @@ def clock_of(text: str) -> tuple[float, float]:
 
 
 def _clock(log: MotionLog, text: str) -> MotionLog:
-    ahead, fast = clock_of(text)
+    joint, _, clock = text.rpartition("=")
+    ahead, fast = clock_of(clock)
     if log.time is None:
         raise InputError(f'recording "{log.name}": --clock: it has no time stamps')
-    return _later(log, log.time, ahead + fast * (log.time - log.time[0]), f"--clock {text}")
+    own = [_joint(log, joint, "--clock")] if joint else None
+    return _later(log, log.time, ahead + fast * (log.time - log.time[0]), f"--clock {text}", own)
 
 
-def _later(log: MotionLog, time: Floats, by: float | Floats, option: str) -> MotionLog:
-    """Return the log with measurements read `by` [s, or rows] later, interpolated between measured neighbours."""
+def _later(
+    log: MotionLog, time: Floats, by: float | Floats, option: str, joints: Sequence[int] | None = None
+) -> MotionLog:
+    """Return the log with measurements, of all joints or some, read `by` [s, or rows] later, between their neighbours.
+
+    Rows whose neighbours were not both measured are not ok.
+    """
     whose = f'recording "{log.name}": {option}'
     if log.q_encoder is None:
         raise InputError(f"{whose}: it has no measured joint positions")
@@ -299,6 +300,9 @@ def _later(log: MotionLog, time: Floats, by: float | Floats, option: str) -> Mot
         near = share[rows, None]
         measured[first + rows] = seen[before[rows]] * (1.0 - near) + seen[after[rows]] * near
         ok[first + rows] = True
+    if joints is not None:
+        ok, others = ok & log.ok, [j for j in range(len(log.joint_names)) if j not in joints]
+        measured[:, others] = log.q_encoder[:, others]
     if not ok.any():
         raise InputError(f"{whose}: no row of {len(log)} is left")
     return replace(log, q_encoder=measured, ok=ok)
@@ -325,14 +329,12 @@ def _leave_out(log: MotionLog, text: str) -> MotionLog:
         return replace(log, qd=None)
     ok = log.ok.copy()
     for part in text.split(","):
-        first, _, last = part.partition(":")
-        try:
-            rows = slice(int(first), int(last))
-        except ValueError:
-            raise InputError(f"--leave-out: expected FIRST:LAST such as 100:120, got {part!r}") from None
-        if not 0 <= rows.start < rows.stop <= len(log):
+        if not re.fullmatch(r"\s*\d+:\d+\s*", part):
+            raise InputError(f"--leave-out: expected FIRST:LAST such as 100:120, got {part!r}")
+        first, last = map(int, part.split(":"))
+        if not first < last <= len(log):
             raise InputError(f'recording "{log.name}": --leave-out: has rows 0 to {len(log)}, got {part}')
-        ok[rows] = False
+        ok[first:last] = False
     if log.q_encoder is None:
         return replace(log, ok=ok)
     measured = log.q_encoder.copy()
@@ -344,12 +346,15 @@ def left_out_rows(log: MotionLog) -> Flags:
     """Return flags (N,) of measured rows that were left out by an option."""
     rows = np.zeros(len(log), dtype=bool)
     for part in (part for text in log.settled.get("leave_out", ()) for part in text.split(",")):
-        first, _, last = part.partition(":")
-        rows[int(first) : int(last)] = True
+        first, last = map(int, part.split(":"))
+        rows[first:last] = True
     return rows & ~log.ok & (False if log.q_encoder is None else np.isfinite(log.q_encoder).all(axis=1))
 
 
 # units first, as scales and offsets are in SI; signs and scales name joints after swaps; rows are left out last, as
 # findings about rows are made after the correction of delays
-_IN_ORDER = (_units, _time_unit, _swap, _sign, _unwrap, _scale, _offset, _couple, _clock, _delay, _shift, _leave_out)
-_STEPS: dict[str, Callable[[MotionLog, Any], MotionLog]] = {step.__name__.strip("_"): step for step in _IN_ORDER}
+_STEPS: dict[str, Callable[[MotionLog, str], MotionLog]] = {
+    "units": _units, "time_unit": _time_unit, "swap": _swap,
+    **{step: partial(_of_columns, step) for step in _COLUMN_STEPS},
+    "couple": _couple, "clock": _clock, "delay": _delay, "shift": _shift, "leave_out": _leave_out,
+}  # fmt: skip

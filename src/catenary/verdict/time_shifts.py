@@ -8,6 +8,7 @@ import numpy as np
 from catenary.arrays import Flags, Floats, Integers
 from catenary.plant import MotionLog
 from catenary.verdict.command_response import OUTLIER_SIGMAS, Pairs, in_stretches, scales
+from catenary.verdict.corrections import Mend
 from catenary.verdict.delay import APART_ROWS, APART_S, CERTAIN_SIGMAS, LOOKS, Delay, delay_of, reach_of
 from catenary.verdict.finding import Finding
 
@@ -42,16 +43,29 @@ def delay_findings(pairs: Pairs, place: Integers) -> list[Finding]:
         apart = [Finding("lag", (), f"{says}, {between}", culprit, refuses=False)] * (own.sure != "unknown")
     near = delay_of(log, place)
     known = None if near.sure == "unknown" else near
-    each = ", ".join(f"{seconds:+.2f}" for _, seconds in near.apart)
-    all_joints = f"those of all joints together {near.seconds:+.2f}"
-    says = f"measurements lie {each} {near.unit} behind commands, {all_joints}, expected the same"
-    culprit = "sensors with clocks of their own; or, where q_nominal is a setpoint, joints that lag unlike"
-    joints = tuple(joint for joint, _ in near.apart)
-    unlike = Finding("clock", joints, says, culprit, refuses=near.apart_by > _UNLIKE_SIGMAS, delay=known)
+    unlike = _unlike(log, place, near)
     others = [finding for finding in _common_findings(log, place, near, known) if finding.refuses or not unlike.refuses]
     if unlike.refuses and abs(near.median) > (APART_S if near.unit == "s" else APART_ROWS) and not others:  # of most
         others = [_delay(replace(near, seconds=near.median, sure="certain"))]
     return [*apart, *others, *[unlike] * (near.apart_by > _DOUBTED_SIGMAS)]
+
+
+def _unlike(log: MotionLog, place: Integers, near: Delay) -> Finding:
+    """Return the finding on joints with delays of their own; its mend, if rows are then as in step as clean ones."""
+    own, remedy, refuses = dict(near.apart), "", near.apart_by > _UNLIKE_SIGMAS
+    each = ", ".join(f"{seconds:+.2f}" for seconds in own.values())
+    says = f"measurements lie {each} {near.unit} behind commands, those of all joints together {near.seconds:+.2f}"
+    late = {joint: seconds - near.median for joint, seconds in own.items() if abs(seconds - near.median) >= APART_S}
+    if refuses and near.unit == "s" and late:
+        clocks = tuple(f"{joint}={seconds:.3f}" for joint, seconds in late.items())
+        again = delay_of(Mend(clock=clocks)(log), place, about=near.median)
+        if again.apart_by <= _DOUBTED_SIGMAS and again.cost < near.cost:
+            remedy = " ".join(f"--clock {clock}" for clock in clocks)
+            left = {joint: (low + late[joint], high + late[joint]) for joint, low, high in again.alone if joint in late}
+            says += f" ({', '.join(f'{joint} {low:+.2f} to {high:+.2f}' for joint, (low, high) in left.items())})"
+    culprit = "sensors with clocks of their own; or, where q_nominal is a setpoint, joints that lag unlike"
+    known = None if near.sure == "unknown" else near
+    return Finding("clock", tuple(own), f"{says}, expected the same", culprit, remedy, refuses, known)
 
 
 def _common_findings(log: MotionLog, place: Integers, near: Delay, known: Delay | None) -> list[Finding]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from catenary.arrays import Floats
+from catenary.arrays import Flags, Floats
 from catenary.plant import MotionLog
 from catenary.robots.model import RobotModel
 
@@ -17,6 +17,11 @@ _SMALL_TURNS = 0.1
 _ALIKE_LENGTH = 0.8  # mean resultant length of errors from which measurement and command are of one angle
 _MAX_TURNS = 2  # turns that are taken off: more are rather degrees
 _FAR_RAD = 1.0  # [rad] from the others of a measurement that is no matter of turns
+
+
+def from_median(error: Floats, rows: Flags | slice = slice(None)) -> Floats:
+    """Return errors (N,) less the median of some: that of one row, as a mean of two may lie between whole turns."""
+    return np.asarray(error - np.percentile(error[rows], 50.0, method="lower"))
 
 
 def unwrapped(values: Floats, turn: float) -> tuple[Floats, int]:

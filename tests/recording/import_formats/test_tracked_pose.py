@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from catenary.arrays import Floats
 from catenary.bounded_parsers import toml_table
 from catenary.dynamics.inverse_kinematics import nearest_coordinates
-from catenary.dynamics.kinematics import forward_kinematics, jacobian
+from catenary.dynamics.kinematics import Configuration, forward_kinematics, jacobian
 from catenary.errors import ConfigError, FileFormatError, InputError
 from catenary.recording.import_formats import recording_files
 from catenary.recording.import_formats.mapping import TrackedPose
@@ -359,3 +359,29 @@ def test_a_tip_that_is_elsewhere_is_named_with_its_distance(tmp_path: Path, monk
     monkeypatch.setattr(recording_files, "_BATCH_MESSAGES", 50)
     done = import_to_file(tmp_path / "log.parquet", [tmp_path / "another_tool.bag"], mapping)
     assert len([note for note in done.notes if "from the tip of" in note]) == 1
+
+
+@pytest.mark.parametrize("ahead", [-0.4, 7200.2])
+def test_a_tracker_on_another_clock_is_brought_onto_the_robots_by_the_motion(ahead: float, tmp_path: Path) -> None:
+    t, rng, model = np.arange(600) / 20.0, np.random.default_rng(1), load_robot("raven2")
+    middle, reach = np.array([0.6, 1.4, 0.35]), np.array([0.4, 0.4, 0.05])
+    rates = np.array([[0.31, 0.73, 1.0], [0.43, 0.61, 1.3], [0.37, 0.83, 1.1]])
+
+    def driven(at: Floats) -> Floats:
+        sines = np.sin(at[:, None, None] * 1.5 * rates + np.arange(9).reshape(3, 3))
+        return np.asarray(middle + reach * sines.mean(axis=2))
+
+    seen_at = 3.0 + np.arange(480) / 20.0
+    frame = Configuration(model, driven(seen_at) + 0.01).pose()
+    seen = (TRACKER.inverse() @ frame @ MARKER.inverse()).position + 1e-4 * rng.normal(size=(480, 3))
+    for name, head, rows in (
+        ("robot", "t,q0,q1,q2", np.column_stack([t, driven(t)])),
+        ("camera", "t,x,y,z", np.column_stack([seen_at + ahead, 1e3 * seen])),
+    ):
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header=head, comments="")
+    columns = mapping("raven2", columns=["x", "y", "z"], match="position")
+    log = import_recording([tmp_path / "robot.csv", tmp_path / "camera.csv"], columns)
+    assert log.ok.mean() > 0.5
+    assert_allclose((log.q_encoder - log.q_nominal)[log.ok].mean(axis=0), 0.01, atol=1e-3)
+    found = next(note for note in log.notes if "s ahead of q_nominal's" in note)
+    assert float(found.split("clock is ")[1].split(" s")[0]) == pytest.approx(ahead, abs=0.1)

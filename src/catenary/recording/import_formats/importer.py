@@ -17,7 +17,7 @@ from catenary.recording.import_formats.columns import Place, Stream, listed, not
 from catenary.recording.import_formats.mapping import JOINT_QUANTITIES, Quantity, RecordingMapping, TrackedPose
 from catenary.recording.import_formats.recording_files import Sources
 from catenary.recording.import_formats.sampled_signals import Series, TopicReport, interpolate
-from catenary.recording.import_formats.synchronisation import OneClock
+from catenary.recording.import_formats.synchronisation import CommonMotion, InSi, OneClock
 from catenary.recording.import_formats.table_time import times_among
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
@@ -191,8 +191,13 @@ def synchronise(
     places = {key: each.places for key, each in places_of_key.items()}
     used = {place.stream for several in places.values() for place in several} | set(mapping.reported)
     in_si = {key: partial(_in_si, key, getattr(mapping, key), scaled[key]) for key in joints}
+    seeing = [key for key in joints if key in ("q_encoder", "q_reported")]
+    common = {key: CommonMotion(in_si["q_nominal"], in_si[key], units) for key in seeing}
+    pose = None if mapping.q_encoder is None else mapping.q_encoder.pose
+    if pose is not None and model is not None:
+        common["pose"] = _common_path(model, pose, in_si["q_nominal"], names, len(places["pose"]))
     of_log = {name: one for name, one in streams.items() if name in used}
-    clock = OneClock(of_log, places, mapping, sources.today, in_si, units)
+    clock = OneClock(of_log, places, mapping, sources.today, common)
     del streams, of_log  # to save memory
 
     rows = {key: in_si[key](clock.rows(key)) for key in joints}
@@ -208,7 +213,6 @@ def synchronise(
     whole = _whole_rows(required, names, notes)
     if not whole.any():
         raise NoRowError("; ".join([f"{where}: no row has all of {', '.join(required)}", *notes]))
-    pose = None if mapping.q_encoder is None else mapping.q_encoder.pose
     if pose is not None and model is not None:
         rows["q_encoder"] = _tracked(clock, pose, model, scaled["q_nominal"], names, notes)
     rows["q_nominal"], measured, more_notes = in_one_turn(
@@ -429,35 +433,67 @@ def _whole_rows(rows: dict[str, Floats], names: Sequence[str], notes: list[str])
     return whole
 
 
+def _of_robot(q: Floats, model: RobotModel, chosen: Sequence[int]) -> Floats:
+    """Return the positions of all joints of a robot (M, n) by those of the chosen ones; others stay near zero."""
+    every = np.tile(np.clip(0.0, model.lower, model.upper), (len(q), 1))
+    every[:, chosen] = q
+    return every
+
+
+def _common_path(
+    model: RobotModel, tracked: TrackedPose, q_in_si: InSi, names: Sequence[str], columns: int
+) -> CommonMotion:
+    """Return the motion that commands and a tracked marker share before transforms are known: way and turns."""
+    from catenary.dynamics.kinematics import Configuration
+    from catenary.recording.import_formats.tracked_pose import path_of, positions_and_rotations
+
+    chosen = [model.joint_names.index(name) for name in names]
+
+    def of_commands(values: Floats) -> Floats:
+        frame = Configuration(model, _of_robot(q_in_si(values), model, chosen)).pose(tracked.frame)
+        return path_of(frame.position, frame.rotation if columns > 3 else None)
+
+    return CommonMotion(
+        of_commands,
+        lambda values: path_of(*positions_and_rotations(tracked, values)),
+        ("m", "rad")[: 1 + (columns > 3)],
+    )
+
+
 def _tracked(
     clock: OneClock, tracked: TrackedPose, model: RobotModel, scale: Floats, names: Sequence[str], notes: list[str]
 ) -> Floats:
     """Return the joint positions of tracked poses, at the stamps of q_nominal."""
     from catenary.recording.import_formats.registration import TrackedPoses
-    from catenary.recording.import_formats.tracked_pose import joints_from_poses, positions_and_rotations, registered
+    from catenary.recording.import_formats.tracked_pose import (
+        joints_from_poses,
+        lateness,
+        positions_and_rotations,
+        registered,
+    )
 
     poses, q = clock.samples("pose"), clock.samples("q_nominal")
     if poses is None or q is None:
         raise InputError("a pose, and q_nominal beside it, must each be of one topic or table")
     nominal = Series(q.stamp, q.values * scale, q.report)
     chosen = [model.joint_names.index(name) for name in names]
-    measured = positions_and_rotations(tracked, poses.values)
+    measured, stamp = positions_and_rotations(tracked, poses.values), poses.stamp
 
     def poses_at(late: float) -> TrackedPoses:
         near, before, after = (
-            interpolate(nominal, poses.stamp + round(late * SECOND) + by, clock.gap("q_nominal"))
+            interpolate(nominal, stamp + round(late * SECOND) + by, clock.gap("q_nominal"))
             for by in (0, -_BESIDE_NS, _BESIDE_NS)
         )
-        start = np.tile(np.clip(0.0, model.lower, model.upper), (len(near), 1))
+        start = _of_robot(near, model, chosen)
         speed = np.zeros_like(start)
-        start[:, chosen] = near
         if clock.is_timed:  # rows without time have no speed
             speed[:, chosen] = np.nan_to_num((after - before) * (SECOND / (2 * _BESIDE_NS)))
         return TrackedPoses(*measured, start, speed)
 
-    seen = poses_at(0.0)
     base, marker, tracker_notes = registered(model, tracked, poses.values, poses_at, chosen)
-    notes += tracker_notes
+    late = lateness(model, tracked, poses_at, base, marker, chosen) if clock.is_found("pose") else 0.0
+    notes += [*tracker_notes, *[f"poses were moved by {late:+.4f} s more, by the robot's kinematics"] * bool(late)]
+    poses, seen = replace(poses, stamp=poses.stamp + round(late * SECOND)), poses_at(late)
     positions, tracker_notes = joints_from_poses(model, tracked, seen, base, marker, chosen)
     notes += tracker_notes
     return interpolate(Series(poses.stamp, positions[:, chosen], poses.report), clock.stamp, clock.gap("pose"))

@@ -10,7 +10,7 @@ between commands and measurements is (`verdict/delay.py`).
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -57,7 +57,15 @@ _ROUNDS = 3
 _MAX_PARTS = 8  # of a file whose clock was set again: more pauses are rows that were lost
 _GIVEN = "--clock SECONDS,PPM gives its offset and rate, 0,0 where it is one with q_nominal's"
 _CHANGE_SIGMAS = 2.0  # by which the rate of a clock must differ: no two are the same
-InSi = Callable[[Floats], Floats]  # makes of a quantity's columns (N, n) joints in rad, m, Nm and N
+InSi = Callable[[Floats], Floats]  # makes of a quantity's columns (N, n) numbers in SI
+
+
+class CommonMotion(NamedTuple):
+    """What a measured quantity and q_nominal both show of a motion, k numbers [rad|m] of each."""
+
+    of_commands: InSi
+    of_measurements: InSi
+    units: tuple[str, ...]  # (k,)
 
 
 class NothingInCommonError(InputError):
@@ -249,8 +257,7 @@ class OneClock:
         quantities: Mapping[str, Sequence[Place]],
         mapping: RecordingMapping,
         today: float,
-        in_si: Mapping[str, InSi],  # of joints' quantities
-        units: tuple[str, ...],  # of the joints then
+        common: Mapping[str, CommonMotion],  # of quantities that saw the joints move
     ) -> None:
         """Clean the streams, by name; those that no quantity has columns of are only reported on."""
         self._quantities, self._mapping, self._today = quantities, mapping, today
@@ -273,7 +280,9 @@ class OneClock:
         elif mapping.stamps == "arrival" and arrivals:
             self.notes.append("arrival times were taken, as asked")
         self._take(series_of)
-        if clocks := self._clocks(streams, stamps, in_si, units):
+        self._by_motion_alone = set[str]()  # streams on clocks that were found by their motion
+        if clocks := self._clocks(streams, stamps, common):
+            self._by_motion_alone = {name for name, parts in clocks.items() if parts[0][1].delay is not None}
             origin = int(series_of[self.base, ""].stamp[0])
             for name, parts in clocks.items():
                 stamp, came = stamps[name].copy(), streams[name].arrival
@@ -323,11 +332,7 @@ class OneClock:
             self._where[key] = list(zip(parts, columns, strict=True))
 
     def _clocks(
-        self,
-        streams: Mapping[str, Stream],
-        stamps: Mapping[str, Integers],
-        in_si: Mapping[str, InSi],
-        units: tuple[str, ...],
+        self, streams: Mapping[str, Stream], stamps: Mapping[str, Integers], common: Mapping[str, CommonMotion]
     ) -> dict[str, list[tuple[int, FileClock]]]:
         """Return the clocks of streams of other files than q_nominal's, as given, or by the motion; say them.
 
@@ -343,11 +348,11 @@ class OneClock:
             raise InputError(f"--clock: {named}: {known}")
         for file in others:
             stated = stated_clocks.get(file, stated_clocks.get(""))
-            keys = [k for k in ("q_encoder", "q_reported") if k in in_si and file_of[self._where[k][0][0][0]] == file]
+            keys = [key for key in common if file_of[self._where[key][0][0][0]] == file]
             if stated is not None:
                 of[file] = [(0, FileClock(*stated))]
                 self.notes.append(f"{file}: {of[file][0][1]}")
-            elif keys and (parts := self._by_parts(keys[0], file, streams, stamps, in_si, units)):
+            elif keys and (parts := self._by_parts(keys[0], file, streams, stamps, common[keys[0]])):
                 of[file] = parts
                 for first, clock in parts:
                     since = f" from row {first} on" * (len(parts) > 1)
@@ -355,9 +360,8 @@ class OneClock:
         return {name: of[file_of[name]] for name in streams if file_of[name] in of}
 
     def _by_parts(
-        self, key: str, file: str, streams: Mapping[str, Stream], stamps: Mapping[str, Integers],
-        in_si: Mapping[str, InSi], units: tuple[str, ...],
-    ) -> list[tuple[int, FileClock]]:  # fmt: skip
+        self, key: str, file: str, streams: Mapping[str, Stream], stamps: Mapping[str, Integers], common: CommonMotion
+    ) -> list[tuple[int, FileClock]]:
         """Return the clocks of a file that saw the joints, and their first rows; none if it may be q_nominal's."""
         name, series, notes = self._where[key][0][0][0], self._series, list(self.notes)
         edges, parts = _restarts(stamps[name]) if file == name else [0], list[tuple[int, FileClock]]()
@@ -365,9 +369,9 @@ class OneClock:
             stamp = np.full(len(stamps[name]), _LOST)
             stamp[first:last] = stamps[name][first:last]
             self._take(self._clean(streams, {**stamps, name: stamp}))
-            pair = self._pair(key, in_si)
+            pair = self._pair(key, common)
             try:
-                parts.append((first, clock_by_motion(pair[0], pair[-1], units, file)))
+                parts.append((first, clock_by_motion(pair[0], pair[-1], common.units, file)))
             except InputError:
                 continue
         self.notes = notes
@@ -376,23 +380,23 @@ class OneClock:
             ends = [clock.interval for _, clock in parts]
             if max(low for low, _ in ends) > min(high for _, high in ends):
                 return parts
-        one = self._by_motion(key, file, in_si, units)
+        one = self._by_motion(key, file, common)
         return [] if one is None else [(0, one)]
 
-    def _pair(self, key: str, in_si: Mapping[str, InSi]) -> list[Series]:
-        """Return the samples of commands, and of a quantity beside them; fewer where one is of several streams."""
-        pair = [(k, self.samples(k)) for k in (_BASE, key)]
-        return [replace(one, values=in_si[k](one.values)) for k, one in pair if one is not None]
+    def _pair(self, key: str, common: CommonMotion) -> list[Series]:
+        """Return the motion of commands, and of a quantity beside them; fewer where one is of several streams."""
+        pair = [(self.samples(_BASE), common.of_commands), (self.samples(key), common.of_measurements)]
+        return [replace(one, values=in_si(one.values)) for one, in_si in pair if one is not None]
 
-    def _by_motion(self, key: str, file: str, in_si: Mapping[str, InSi], units: tuple[str, ...]) -> FileClock | None:
+    def _by_motion(self, key: str, file: str, common: CommonMotion) -> FileClock | None:
         """Return the clock of a file that saw the joints; None if it may well be that of q_nominal's."""
-        if len(pair := self._pair(key, in_si)) < 2:
+        if len(pair := self._pair(key, common)) < 2:
             return None
         base, its = pair
         # two that count from zeros of their own are hardly one; of dated ones the motion must say so
         is_dated = min(base.stamp[0], its.stamp[0]) >= _FIRST_DATED_NS
         try:
-            clock = clock_by_motion(base, its, units, file)
+            clock = clock_by_motion(base, its, common.units, file)
         except InputError as error:
             apart = its.stamp[-1] < base.stamp[0] or its.stamp[0] > base.stamp[-1]
             if apart or (isinstance(error, NothingInCommonError) and not is_dated):
@@ -440,6 +444,10 @@ class OneClock:
             return None
         series = self._series[first]
         return Series(series.stamp, series.values[:, [column for _, column in self._where[key]]], series.report)
+
+    def is_found(self, key: str) -> bool:
+        """Whether the clock of a quantity was found by the motion."""
+        return self._where[key][0][0][0] in self._by_motion_alone
 
     def gap(self, key: str) -> float:
         """Return the largest distance of two samples that are interpolated between [s]; more for a slow stream."""

@@ -45,6 +45,7 @@ _TIP_VERBS = ("local/measured_cp", "measured_cp")  # of CRTK; the first is in th
 _COMPARED_POSES = 300  # poses that are compared, evenly
 _SAME_TIP_MM_DEG = np.array([1.0, 0.5])  # [mm], [deg] within which both are the same
 _STEADY_SHARE = 0.05  # of a distance, by which what a tool or a base frame is off by may differ from pose to pose
+_LATENESS_ROUNDS = 5
 _MARKER = "the tracked marker"  # a frame of the robot
 
 
@@ -94,6 +95,31 @@ def positions_and_rotations(tracked: TrackedPose, values: Floats) -> tuple[Float
     if rotation is not None:
         rotation[~seen] = np.nan
     return np.where(seen[:, None], position, np.nan), rotation
+
+
+def path_of(position: Floats, rotation: Floats | None) -> Floats:
+    """Return the way [m] and turns [rad] of a frame up to each pose, less its mean speed; NaN if unseen.
+
+    They are the same as seen from any frame.
+
+    Args:
+        position, rotation: (M, 3) [m] and (M, 3, 3) or None, in any frame.
+
+    Returns:
+        (M, 1 or 2).
+    """
+    from scipy.spatial.transform import Rotation
+
+    seen = np.flatnonzero(np.isfinite(position).all(axis=1))
+    steps = [np.linalg.norm(np.diff(position[seen], axis=0), axis=1)]
+    if rotation is not None:
+        turns = np.swapaxes(rotation[seen[:-1]], 1, 2) @ rotation[seen[1:]]
+        steps.append(Rotation.from_matrix(turns).magnitude())
+    path = np.full((len(position), len(steps)), np.nan)
+    if len(seen):
+        way = np.vstack([np.zeros(len(steps)), np.cumsum(steps, axis=1).T])
+        path[seen] = way - np.linspace(0.0, 1.0, len(seen))[:, None] * way[-1]
+    return path
 
 
 def deviations(model: RobotModel, q: Floats, frame: str | None, match: str, noise: Floats = TRACKER_NOISE) -> Floats:
@@ -189,6 +215,29 @@ def registered(
         _refuse_other_turns(tracked, values[whole], np.swapaxes(frame, 1, 2) @ made.found.base.rotation)
     names, units = ([of[j] for j in chosen] for of in (model.joint_names, model.joint_units))
     return made.found.base, made.found.marker, made.notes(names, units)
+
+
+def lateness(
+    model: RobotModel, tracked: TrackedPose, poses_at: PosesAt, base: Pose, marker: Pose, chosen: Sequence[int]
+) -> float:
+    """Return the time from the stamps of poses to the robot's reports of the same [s], of a clock set roughly.
+
+    Least squares by it and the offsets of the chosen joints, by Gauss and Newton, without outliers.
+    """
+    late, offsets = 0.0, np.zeros(model.n)
+    for _ in range(_LATENESS_ROUNDS):
+        poses = poses_at(late).evenly(_COMPARED_POSES)
+        placed = Configuration(model, poses.q + offsets)
+        frame, J = placed.pose(tracked.frame), placed.jacobian(tracked.frame, marker.position)[:, :3]
+        seen = poses.position @ base.rotation.T + base.position
+        apart = seen - frame.rotation @ marker.position - frame.position
+        size = np.linalg.norm(apart, axis=1)
+        rows = size <= _MAX_DEVIATION_MEDIANS * np.nanmedian(size)
+        A = np.concatenate([J[:, :, list(chosen)], J @ poses.qd[:, :, None]], axis=2)[rows]
+        step = np.linalg.lstsq(A.reshape(-1, A.shape[2]), apart[rows].ravel(), rcond=None)[0]
+        offsets[list(chosen)] += step[:-1]
+        late += float(step[-1])
+    return late
 
 
 def _refuse_other_turns(tracked: TrackedPose, values: Floats, frame_tracker: Floats) -> None:
