@@ -28,11 +28,11 @@ from catenary.dynamics.inverse_dynamics import coriolis_matrix as coriolis_matri
 from catenary.dynamics.inverse_dynamics import forward_dynamics as forward_dynamics
 from catenary.dynamics.inverse_dynamics import inverse_dynamics as inverse_dynamics
 from catenary.dynamics.inverse_dynamics import mass_matrix as mass_matrix
+from catenary.dynamics.inverse_dynamics import torque_derivatives as torque_derivatives
 from catenary.dynamics.inverse_kinematics import inverse_kinematics as inverse_kinematics
 from catenary.dynamics.kinematics import forward_kinematics as forward_kinematics
 from catenary.dynamics.kinematics import jacobian as jacobian
 from catenary.dynamics.robot_kernels import gravity_kernel as gravity_kernel
-from catenary.dynamics.torque_derivatives import torque_derivatives as torque_derivatives
 from catenary.dynamics.torque_regressor import torque_regressor as torque_regressor
 from catenary.errors import CatenaryError as CatenaryError
 from catenary.errors import DataError as DataError

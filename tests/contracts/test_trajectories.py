@@ -12,14 +12,13 @@ from catenary.robots.catalog import load_robot
 from catenary.trajectories.cartesian import CartesianSinusoids
 from catenary.trajectories.reference import Embedded, InTurn, Rest, Trajectory
 from catenary.trajectories.sinusoids import random_sinusoids
-from catenary.trajectories.smoothed_path import SmoothedPath, follow_waypoints, go_to
+from catenary.trajectories.smoothed_path import SmoothedPath, go_to
 from catenary.trajectories.zigzag import _FORMS, CALIBRATION_LOWER, CALIBRATION_UPPER, DIRECTIONS, zigzag
 
 Floats = NDArray[np.float64]
 
 LOW, HIGH = np.array([0.0, 0.9, 0.33]), np.array([1.0, 2.0, 0.42])
 BOUNDS = {"max_velocity": [0.5, 0.3, 0.02], "max_acceleration": [1.0, 1.0, 0.1]}
-SPEED = [0.05, 0.05, 0.005]
 ARM_LOW, ARM_HIGH = np.deg2rad([0.0, 45.0, 0.0]), np.deg2rad([90.0, 135.0, 0.0])
 ARM_LOW[2], ARM_HIGH[2] = 0.23, 0.56
 
@@ -65,7 +64,6 @@ TRAJECTORIES: dict[str, tuple[Callable[[], Trajectory], Floats, Floats]] = {
         np.array([HIGH[1], 0.5, HIGH[2], HIGH[0]]),
     ),
     "go to, nowhere": (lambda: go_to(LOW, LOW, **BOUNDS), LOW, LOW),
-    "waypoints": (lambda: follow_waypoints(random_rows(), speed=SPEED), LOW, HIGH),
     "blends overlapping": (lambda: SmoothedPath.through(np.arange(len(random_rows())), random_rows(), 60.0), LOW, HIGH),
 }  # fmt: skip
 

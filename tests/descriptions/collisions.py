@@ -19,7 +19,7 @@ from catenary.robots.catalog import load_robot
 from catenary.robots.geometry import Capsule, Geometry
 from catenary.robots.model import RobotModel
 from catenary.robots.shapes import load_geometry
-from catenary.robots.urdf_export import write_urdf
+from catenary.robots.urdf_export import urdf_text
 
 BETWEEN = 10_000
 
@@ -33,7 +33,7 @@ def read_geometry(path: Path) -> tuple[pin.Model, pin.GeometryModel]:
 
 def of_capsules(robot: RobotModel, shapes: Geometry, folder: Path) -> tuple[pin.Model, pin.GeometryModel]:
     """Return Pinocchio's model of a robot of the catalogue, by its exported URDF, and of its capsules."""
-    write_urdf(robot, folder / "robot.urdf")
+    (folder / "robot.urdf").write_text(urdf_text(robot), "utf-8")
     model = pin.buildModelFromUrdf(str(folder / "robot.urdf"))
     geometry = pin.GeometryModel()
     for k, shape in enumerate(shapes.shapes):

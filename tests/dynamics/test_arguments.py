@@ -7,7 +7,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from catenary.dynamics.frame_motion import frame_motion
-from catenary.dynamics.inverse_dynamics import BaseMotion, coriolis_matrix, inverse_dynamics, mass_matrix
+from catenary.dynamics.inverse_dynamics import (
+    BaseMotion,
+    coriolis_matrix,
+    inverse_dynamics,
+    mass_matrix,
+    torque_derivatives,
+)
 from catenary.dynamics.kinematics import forward_kinematics, jacobian, link_poses
 from catenary.dynamics.robot_kernels import (
     forward_kinematics_kernel,
@@ -16,7 +22,6 @@ from catenary.dynamics.robot_kernels import (
     inverse_dynamics_kernel,
     mass_matrix_kernel,
 )
-from catenary.dynamics.torque_derivatives import torque_derivatives
 from catenary.dynamics.torque_regressor import torque_regressor
 from catenary.errors import InputError, MissingInertiaError
 from catenary.gravity.gravity_regressor import gravity_regressor, standard_gravity_regressor

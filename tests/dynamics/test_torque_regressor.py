@@ -11,7 +11,7 @@ TILTED = np.array([1.3, -2.1, -9.4])
 
 
 def test_regressor_times_parameters_is_inverse_dynamics(random_robots, rng):
-    """Column by column it is Pinocchio's: robots/test_base_joints.py."""
+    """Column by column it is Pinocchio's: robots/test_submodels.py."""
     for robot in random_robots:
         q, qd, qdd = rng.normal(size=(3, 5, robot.model.n))
         Y = torque_regressor(robot.model, q, qd, qdd, TILTED)

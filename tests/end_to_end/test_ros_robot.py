@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from catenary import read_log
-from catenary.trajectories.smoothed_path import follow_waypoints
+from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.workflows.project import calibrate
 from catenary.workflows.project.calibrate import motion_log_path
 from catenary.workflows.project.folder import Project, ProjectSettings
@@ -22,7 +22,7 @@ STROLL = [[0.52, 1.57, 0.40], [0.7, 1.5, 0.395], [0.6, 1.7, 0.39], [0.55, 1.5, 0
 @pytest.mark.parametrize("meeting", ["1"], indirect=True, ids=["ros1"])
 def test_served_robot_is_calibrated_to_its_report(meeting: Meeting, tmp_path, monkeypatch) -> None:
     programs, ros = meeting
-    motion = follow_waypoints(STROLL, speed=[0.1, 0.1, 0.005])  # 7 s: from less than 5 s nothing is learnt
+    motion = SmoothedPath.through(np.linspace(0.0, 7.0, 5), STROLL, 0.5)  # from less than 5 s nothing is learnt
     monkeypatch.setattr(calibrate, "training_motion", lambda project: (motion, "a stroll"))
     monkeypatch.setattr(calibrate, "models_for", lambda robot, seed: QUICK_MODELS)
     monkeypatch.setattr(calibrate, "evaluation_motion", lambda project, seconds, number=0: (motion, "another"))

@@ -19,9 +19,9 @@ from catenary.dynamics.inverse_dynamics import (
     forward_dynamics,
     inverse_dynamics,
     mass_matrix,
+    torque_derivatives,
 )
 from catenary.dynamics.kinematics import forward_kinematics
-from catenary.dynamics.torque_derivatives import torque_derivatives
 from catenary.errors import InputError, MissingInertiaError, MissingPackageError, NotReadyError
 from catenary.gravity.compact_regressor import compact_regressor
 from catenary.gravity.export import ExportedQuantity, export_function

@@ -4,12 +4,19 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from numpy.testing import assert_allclose
 
 import simulated_arm
 from catenary.calibration.fit_options import FitOptions, FitRun
+from catenary.recording.logs import write_parquet
 from catenary.reports import joint_errors
+from catenary.reports.joint_errors import overlay
 from catenary.reports.page import Picture
+from catenary.verdict.corrections import Mend
 from catenary.workflows.calibration_model import fit_calibration
+from command_line import catenary
+from tests.truth.spoilings import late
+from tests.verdict.test_delay import cable_arm
 
 
 def drawn(
@@ -86,3 +93,43 @@ def test_an_interval_far_narrower_than_raw_errors_is_seen_close_up(
     assert high - low > 0.2 * np.ptp(close.get_ylim())
     assert high - low < 0.02 * np.ptp(whole.get_ylim())
     assert "interval, 90 %" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+LATE = 0.15
+
+
+def test_lines_fall_together_once_re_timed() -> None:
+    figure = overlay(late(cable_arm(slack=(0.0, 0.0, 0.0)), LATE), 0.0, -LATE)
+    left = []
+    for axes in figure.axes:
+        command, seen = (line.get_xydata() for line in axes.lines)
+        inside = np.isfinite(seen[:, 1]) & (seen[:, 0] >= command[0, 0]) & (seen[:, 0] <= command[-1, 0])
+        error = seen[inside, 1] - np.interp(seen[inside, 0], *command.T)
+        left.append(float(error.std()))
+    assert left[1] < 0.1 * left[0]
+
+
+def test_a_log_that_was_re_timed_is_drawn_as_it_was_recorded_too() -> None:
+    log = late(cable_arm(), LATE)
+    before = overlay(log, 0.0, -LATE)
+    after = overlay(Mend(delay=LATE)(log), LATE, 0.0)
+    assert [axes.get_title(loc="left") for axes in after.axes] == ["as recorded", "re-timed by +0.15 s"]
+    for one, other in zip(before.axes, after.axes, strict=True):
+        x, y = (axes.lines[1].get_xydata() for axes in (one, other))
+        inside = (y[:, 0] > x[0, 0]) & (y[:, 0] < x[-1, 0]) & np.isfinite(y[:, 1])
+        assert_allclose(np.interp(y[inside, 0], *x.T), y[inside, 1], atol=0.8)  # each less its own median
+
+
+def test_check_draws_it(tmp_path: Path) -> None:
+    write_parquet(late(cable_arm(), LATE), tmp_path / "late.parquet")
+    assert catenary("check", tmp_path / "late.parquet", "--picture", tmp_path / "late.svg").code == 1
+    assert b"<svg" in (tmp_path / "late.svg").read_bytes()[:2000]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_page_of_a_fit_holds_it(tmp_path: Path) -> None:
+    write_parquet(late(cable_arm(), LATE), tmp_path / "late.parquet")
+    page = tmp_path / "late.html"
+    options = ("--delay", "0.15", "--model", "offset", "--out", tmp_path / "late.npz", "--report", page)
+    assert catenary("fit", tmp_path / "late.parquet", *options).code == 0
+    assert "Where the lines turn at different times, a delay remains." in page.read_text()

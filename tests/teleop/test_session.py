@@ -8,8 +8,7 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.errors import TransportError
 from catenary.plant import OperatingState
 from catenary.robots.catalog import load_robot
-from catenary.teleop.motion import _JOINT_SPEED, KEY_TIMEOUT_S, RAMP_S, TeleopMotion
-from catenary.teleop.session import TeleopSession
+from catenary.teleop.session import _JOINT_SPEED, KEY_TIMEOUT_S, RAMP_S, TeleopMotion, TeleopSession
 from catenary.teleop.terminal import _SEQUENCE_WITHIN_S, KeyReader
 from oracles.ideal_plant import IdealPlant
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from catenary.errors import InputError
-from catenary.trajectories.smoothed_path import _PEAK_WEIGHT, BrokenLine, SmoothedPath, follow_waypoints, go_to
+from catenary.trajectories.smoothed_path import _PEAK_WEIGHT, BrokenLine, SmoothedPath, go_to
 
 # time since the corner before, point
 steps = st.lists(st.tuples(st.floats(0.01, 3.0), st.floats(-5.0, 5.0)), min_size=2, max_size=12)
@@ -110,27 +110,6 @@ def test_way_is_covered_as_quickly_as_the_bounds_allow(way, duration, speed, acc
     assert np.abs(qdd).max() == pytest.approx(acceleration, rel=1e-6)  # sampled
 
 
-CORNERS = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.0, 0.5]]
-
-
-def test_busiest_joint_moves_at_its_speed_past_the_rows() -> None:
-    motion = follow_waypoints(CORNERS, speed=[0.1, 0.2])
-    assert motion.duration == pytest.approx(10.0 + 2.5 + 10.0 + 0.5)
-    assert_allclose(motion(5.0).qd, [0.1, 0.0], atol=1e-12)
-    assert_allclose(motion(11.5).qd, [0.0, 0.2], atol=1e-12)
-    assert_allclose(motion.corner_distance, [3 / 32 * 0.1 * 0.5, 3 / 32 * 0.2 * 0.5])
-
-
-def test_dense_rows_are_followed_smoothly() -> None:
-    angle = np.linspace(0.0, 2.0 * np.pi, 5000)
-    motion = follow_waypoints(np.column_stack([np.cos(angle), np.sin(angle)]), speed=[0.2, 0.2])
-    q, qd, qdd = motion.sample(np.linspace(0.0, motion.duration, 5000))
-    # averaging an arc of 0.14 rad (0.28 rad/s at most) over the blend cuts its corner by 1/20 of its square
-    assert np.abs(np.linalg.norm(q, axis=1) - 1.0).max() < 1e-3
-    assert np.abs(qd).max() <= 0.2 * (1.0 + 1e-9)
-    assert np.abs(qdd).max() <= 3.0 * 0.2 / 0.5 * (1.0 + 1e-9)
-
-
 def line(times: object, points: object, blend: float) -> SmoothedPath:
     return SmoothedPath([BrokenLine(times, points, blend)])  # type: ignore[arg-type]
 
@@ -138,10 +117,6 @@ def line(times: object, points: object, blend: float) -> SmoothedPath:
 def gone_to(**wrong: object) -> SmoothedPath:
     bounds = {"max_velocity": [1.0, 1.0], "max_acceleration": [1.0, 1.0]}
     return go_to(**{"q_start": [0.0, 0.0], "q_goal": [1.0, 1.0], **bounds, **wrong})  # type: ignore[arg-type]
-
-
-def followed(**wrong: object) -> SmoothedPath:
-    return follow_waypoints(**{"points": CORNERS, "speed": [0.1, 0.1], **wrong})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -155,9 +130,6 @@ def followed(**wrong: object) -> SmoothedPath:
         (lambda: gone_to(q_goal=[1.0]), r"q_goal: expected shape \(2,\)"),
         (lambda: gone_to(max_velocity=[1.0, 0.0]), "max_velocity: expected more than 0"),
         (lambda: gone_to(max_acceleration=[-1.0, 1.0]), "max_acceleration: expected more than 0"),
-        (lambda: followed(points=np.empty((0, 2))), "at least one row"),
-        (lambda: followed(points=np.empty((3, 0)), speed=[]), "at least one row of one joint"),
-        (lambda: followed(speed=[0.1]), r"speed: expected shape \(2,\)"),
     ],
 )
 def test_what_makes_no_motion_is_refused(make: Callable[[], object], message: str) -> None:

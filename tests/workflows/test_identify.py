@@ -26,7 +26,7 @@ from catenary.recording.logs import Reading
 from catenary.reports.identification import excitation_facts
 from catenary.robots.catalog import load_robot
 from catenary.robots.model import RobotModel
-from catenary.robots.urdf_export import write_urdf
+from catenary.robots.urdf_export import urdf_text
 from catenary.sensing.wrist_tool import load_tool
 from catenary.verdict.corrections import Mend
 from catenary.workflows.identify import identify_files, of_joints, payload_of_files
@@ -234,7 +234,7 @@ NOISE = np.array([1.5, 1.5, 0.8, 0.3, 0.3, 0.2])  # [Nm]
 @pytest.fixture(scope="module")
 def in_mujoco(tmp_path_factory: pytest.TempPathFactory) -> Any:
     path = tmp_path_factory.mktemp("arm") / "arm.urdf"
-    write_urdf(ARM, path)
+    path.write_text(urdf_text(ARM), "utf-8")
     return mujoco.MjModel.from_xml_path(str(path))
 
 

@@ -31,7 +31,7 @@ from catenary.cli.recording_options import ACCEPT, ModelRecordingOptions, Record
 from catenary.cli.robot_options import LoadedOptions
 from catenary.cli.terminal import print_notes, print_page, print_result, prints_json
 from catenary.errors import InputError
-from catenary.files import card_path
+from catenary.files import card_path, write_atomically
 from catenary.robots.friction_terms import FRICTION_PARTS
 from catenary.tables import Column, Table
 
@@ -117,9 +117,9 @@ def identify(
     identified = result.identification
     save_identification(identified, result.card, out)
     if urdf is not None:
-        from catenary.robots.urdf_export import write_urdf
+        from catenary.robots.urdf_export import urdf_text
 
-        write_urdf(identified.robot(), urdf)
+        write_atomically(urdf, urdf_text(identified.robot()).encode())
     content = {**result.summary(), "file": str(out), "card": str(card_path(out))}
     tables = identified.residual_table, absolute_table(identified), mass_table(identified), rotor_table(identified)
     lines = [f"{name}: {text}" for name, text in excitation_facts(identified)[:2]]

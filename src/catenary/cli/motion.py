@@ -97,7 +97,7 @@ def follow(
     It always starts at the first row: a motion that was stopped (Ctrl-C) is not resumed.
     However it ends, the robot holds and is paused.
     """
-    from catenary.workflows.robot.operator_motion import MAX_VELOCITY, leaves_rows, read_followed_file
+    from catenary.workflows.robot.operator_motion import MAX_VELOCITY, along_rows, read_followed_file
     from catenary.workflows.robot.operator_motion import follow_motion as follow_file
 
     motion = read_followed_file(file, rows_per_second=rows_per_second)
@@ -107,7 +107,7 @@ def follow(
         if typed is not None:
             fastest[unit] = from_display(typed, unit)
     assert motion.time is not None  # of a file to follow
-    away = leaves_rows(motion, blend)
+    away = along_rows(motion, blend).corner_distance
     shown = ", ".join(in_words(value, unit, 2) for value, unit in zip(away, motion.joint_units, strict=True))
     print_notes([f"{len(motion)} rows, {motion.time[-1]:.1f} s; corners are passed within {shown}"])
     with chosen_robot(robot, "follow") as opened, progress_bar("follow") as tell:

@@ -123,17 +123,11 @@ def _is_picture(path: Path) -> bool:
     return head.startswith((b"\x89PNG", b"%PDF")) or b"<svg" in head
 
 
-_is_designed = _has_arrays("t", "q", "dq", "ddq", without="tau")
-
-
-def _is_excitation(path: Path) -> bool:
-    return _is_designed(path) or _holds(b",ddq:")(path)
-
-
+_is_designed, _is_designed_text = _has_arrays("t", "q", "dq", "ddq", without="tau"), _holds(b",ddq:")
 MODEL = FileKind("a calibration model", (".npz",), _has_arrays("structure", "card", without="combination"), True)
 PARAMETERS = FileKind("an arm's parameters", (".npz",), _has_arrays("structure", "combination"), True)
 LOG = FileKind("a motion log", (".parquet",), _is_log)
-EXCITATION = FileKind("a motion or poses", (".npz", ".csv"), _is_excitation)
+EXCITATION = FileKind("a motion or poses", (".npz", ".csv"), lambda path: _is_designed(path) or _is_designed_text(path))
 EXTERNAL = FileKind("external torques", (".csv",), _holds(b"external:"))
 TRAJECTORY = FileKind("a trajectory", (".json", ".yaml"), _holds(b'"joint_names"', b'"points"'))
 TOOL = FileKind("a tool file", (".toml",), _holds(b"force_bias", b"center"))

@@ -21,7 +21,6 @@ from catenary.operating_system import HAS_SINGLE_KEYS, has_windows
 from catenary.teleop.terminal import RawTerminal
 
 if TYPE_CHECKING:
-    from catenary.calibration.model import CalibrationModel
     from catenary.monitor import Snapshot
 
 
@@ -66,8 +65,13 @@ def view(
                 announce(f"{page.url}: reading the recording ...")
                 title, runs = _recording(what, log, model, own, recordings)
             elif place.ros is not None:
+                from catenary.view.meshes import shapes_of
+                from catenary.view.replay import WatchedArm
+
                 robot = WatchedRobot(**{**vars(place), "robot": what or "raven2"})
-                title, runs = _on_ros(stack, robot, calibration_of(model, own), gravity)
+                opened = stack.enter_context(chosen_robot(robot, "view", moves=False, gravity=gravity))
+                shapes, _ = shapes_of(robot.robot, opened.model)
+                title, runs = robot.robot, WatchedArm(opened, shapes, calibration_of(model, own))
             else:
                 announce(f"{page.url}: preparing the robot ...")
                 import numpy as np
@@ -89,21 +93,10 @@ def view(
             pass  # the usual end
 
 
-_Titled = tuple[str, Any]  # of the page; what has `shown` and `run`
-
-
-def _on_ros(stack: ExitStack, robot: WatchedRobot, model: "CalibrationModel | None", gravity: str | None) -> _Titled:
-    from catenary.view.meshes import shapes_of
-    from catenary.view.replay import WatchedArm
-
-    opened = stack.enter_context(chosen_robot(robot, "view", moves=False, gravity=gravity))
-    return robot.robot, WatchedArm(opened, shapes_of(robot.robot, opened.model)[0], model)
-
-
 def _recording(
     what: str | None, log: Path | None, model: Path | None, own: str | None, recordings: ModelRecordingOptions
-) -> _Titled:
-    """Return a recording of a robot, or a project's, for a model and corrected as its training data if there is one."""
+) -> tuple[str, Any]:
+    """Return the title and player of a recording, or a project's, corrected as the model's training data, if any."""
     from catenary.view.meshes import shapes_of
     from catenary.view.replay import Replay, recorded_arm, shown_project
     from catenary.workflows.calibration_model import recording_for

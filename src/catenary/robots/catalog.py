@@ -95,7 +95,7 @@ def load_open(path: Path, *, massless: Massless = ()) -> RobotModel:
     """
     kind = path.suffix.lower()
     if kind == ".toml":
-        from catenary.robots.description_tables import as_described, described_table, description_of
+        from catenary.robots.dh_table import as_described, described_table, description_of
 
         if (described := described_table(path)) is not None:
             description, chosen = description_of(path, described.description), massless or described.massless

@@ -18,8 +18,7 @@ from catenary.errors import FileFormatError, InputError
 from catenary.robots import geometry
 from catenary.robots.assembly import left_out, naming_the_file
 from catenary.robots.catalog import catalogue_file, robot_names
-from catenary.robots.description_tables import XML_ENDINGS, described_table, description_of
-from catenary.robots.dh_table import RobotTable
+from catenary.robots.dh_table import XML_ENDINGS, RobotTable, described_table, description_of
 from catenary.robots.mjcf import CompiledMjcf, compile_mjcf
 from catenary.robots.model import RobotModel
 from catenary.robots.urdf import named_elements, number_of, numbers_of, origin_of, urdf_root

@@ -1,7 +1,6 @@
 """Robots written as URDF, for other programs to read."""
 
 from math import atan2, hypot
-from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -10,24 +9,11 @@ from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
 from catenary.errors import UnsupportedModelError
-from catenary.files import write_atomically
 from catenary.robots.actuation import JointDrives, joint_drives
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose
 
 _UNLIMITED = 1e3  # URDF's <limit> has no infinity [m, rad/s, m/s, Nm, N]
-
-
-def write_urdf(model: RobotModel, path: Path) -> None:
-    """Write a robot as a URDF file; see `urdf_text`.
-
-    Args:
-        model, path: The robot, and the file.
-
-    Raises:
-        OSError: The folder is not writable, or the disk is full.
-    """
-    write_atomically(path, urdf_text(model).encode())
 
 
 def urdf_text(model: RobotModel) -> str:

@@ -1,4 +1,4 @@
-"""Smooth joint paths: piecewise linear motions with blended corners, point-to-point motions, waypoints.
+"""Smooth joint paths: piecewise linear motions with blended corners, point-to-point motions.
 
 Each joint has its own piecewise linear path: corners at times t_k, constant speed between them. The motion is that path
 averaged over a window of `blend` seconds,
@@ -26,7 +26,6 @@ from catenary.kernels.compiled import compiled
 from catenary.trajectories.reference import SampledTrajectory
 
 _PEAK_WEIGHT = 1.5  # largest value of w: acceleration / (velocity change / blend)
-_BLEND_S = 0.5  # [s] of waypoints
 
 
 class BrokenLine(NamedTuple):
@@ -168,22 +167,3 @@ def go_to(
             for j in range(n)
         ]
     )
-
-
-def follow_waypoints(points: ArrayLike, *, speed: ArrayLike) -> SmoothedPath:
-    """Return a motion along waypoints, as fast as the slowest joint of each segment allows.
-
-    It passes near the points, not through them (`corner_distance`): its velocity is that of the straight segments,
-    averaged over `_BLEND_S` seconds. Accelerations are at most 3 speed / _BLEND_S.
-
-    Args:
-        points: (N, n) joint positions [rad|m]; repeated ones are skipped.
-        speed: (n,) largest speed of each joint, positive [rad/s|m/s].
-    """
-    rows = as_array("points", points, (None, None))
-    if len(rows) == 0 or rows.shape[1] == 0:
-        raise InputError(f"points: expected at least one row of one joint, got shape {rows.shape}")
-    fastest = as_positive("speed", speed, (rows.shape[1],))
-    rows = rows[np.append(True, (np.diff(rows, axis=0) != 0.0).any(axis=1))]
-    steps = (np.abs(np.diff(rows, axis=0)) / fastest).max(axis=1, initial=0.0)
-    return SmoothedPath.through(np.append(0.0, np.cumsum(steps)), rows, _BLEND_S)

@@ -193,16 +193,9 @@ class Replay:
 class WatchedArm:
     """View of a robot that is only read; without a model, it shows the positions published by `catenary deploy`."""
 
-    def __init__(
-        self,
-        robot: OperatedRobot,
-        shapes: ArmShapes,
-        model: CalibrationModel | None = None,
-        *,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, robot: OperatedRobot, shapes: ArmShapes, model: CalibrationModel | None = None) -> None:
         """Set the robot, in any state, and the model that corrects it, if any."""
-        self._robot, self._shapes, self._model, self._clock = robot, shapes, model, clock
+        self._robot, self._shapes, self._model = robot, shapes, model
 
     def shown(self, title: str) -> PageContent:
         """Return the content of its page, without controls."""
@@ -215,7 +208,7 @@ class WatchedArm:
     def run(self, page: PageProcess, ended: Callable[[], bool] = lambda: False) -> None:
         """Show the robot until the page or `ended` ends it."""
         # changes on the page are discarded: nothing here moves a robot
-        for snapshot in watch_robot(self._robot, model=self._model, tick=page.changes, clock=self._clock):
+        for snapshot in watch_robot(self._robot, model=self._model, tick=page.changes):
             page.put(snapshot)
             if ended() or not page.is_running:
                 return

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -152,16 +152,6 @@ _OWN_CONTROL = "the robot's own position control"
 _HOLD_CONTROL = "gravity compensation alone"
 
 
-class PlantBase(NamedTuple):
-    """The present base of a plant."""
-
-    plant: CablePlant | MujocoPlant
-
-    def sample(self, times: Floats) -> BaseSamples:
-        """Return the base's motion at times (N,) [s]."""
-        return self.plant.base.sample(times)
-
-
 class Surroundings:
     """Base, payload, sensor, friction and wear of a simulated arm; a GravitySource by a sensor on its base."""
 
@@ -170,7 +160,7 @@ class Surroundings:
         self.plant = cast(CablePlant | MujocoPlant, plant.arm if isinstance(plant, PositioningArm) else plant)
         self.has_cables = isinstance(self.plant, CablePlant)
         self._torque = np.where(np.isfinite(arm.largest_torque), arm.largest_torque, 1.0)
-        self._sensor, mounting = base_sensor(PlantBase(self.plant), start=self.plant.time)
+        self._sensor, mounting = base_sensor(self, start=self.plant.time)
         self._sensed = SensedGravity(self._sensor.mailbox, mounting, feed=self._sensor.advance)
         self._attitude = {"roll_deg": 0.0, "pitch_deg": 0.0, "rocking_deg": 0.0, "rocking_hz": 0.5}
         self._base = SteeredBase()
@@ -185,6 +175,10 @@ class Surroundings:
             return actions | {"payload_kg": plant.carry, "friction": plant.set_coulomb_friction, "wear": plant.wear}
         actions["payload_kg"] = lambda mass: plant.attach(Payload(mass) if mass > 0.0 else None)
         return actions | {"friction": lambda factor: plant.set_coulomb_friction(factor * unit)}
+
+    def sample(self, times: Floats) -> BaseSamples:
+        """Return the present base's motion at times (N,) [s]."""
+        return self.plant.base.sample(times)
 
     def _tilt(self, name: str, value: float) -> None:
         self._attitude[name] = value

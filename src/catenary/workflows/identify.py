@@ -213,18 +213,8 @@ class IdentifyResult:
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
         result = self.identification
-        keys = (
-            "n_base",
-            "condition",
-            "rank",
-            "robot",
-            "physically_consistent",
-            "prior",
-            "friction",
-            "bodies",
-            "training",
-        )
-        return {key: self.card[key] for key in (*keys, "tests", "notes")} | {
+        keys = ("n_base", "condition", "rank", "robot", "physically_consistent", "prior", "friction", "bodies")
+        return {key: self.card[key] for key in (*keys, "training", "tests", "notes")} | {
             "joints": list(result.model.joint_names),
             "terms": result.options.terms,
             "rotors": [rotor._asdict() for rotor in result.rotors],

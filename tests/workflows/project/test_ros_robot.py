@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from catenary.errors import NotReadyError, RecordingError
 from catenary.recording.logs import read_log
 from catenary.trajectories.reference import Trajectory
-from catenary.trajectories.smoothed_path import follow_waypoints
+from catenary.trajectories.smoothed_path import SmoothedPath
 from catenary.workflows.project import robot as ros_robot
 from catenary.workflows.project.calibrate import TRAIN, extract_recording, motion_log_path
 from catenary.workflows.project.folder import Project, ProjectSettings
@@ -30,7 +30,7 @@ def short_motion(seed: int = 0) -> Trajectory:
     """Some seconds around START."""
     rng = np.random.default_rng(seed)
     points = np.array(START[:3]) + SWING * rng.uniform(-1.0, 1.0, (6, 3))
-    return follow_waypoints(points, speed=[0.3, 0.3, 0.02])
+    return SmoothedPath.through(np.arange(6.0), points, 0.5)
 
 
 def on_loopback(plant: EncodedPlant | None = None) -> RobotOnLoopback:

@@ -379,7 +379,7 @@ class Project:
 
     def _has_settings(self) -> bool:
         path = self.folder / SETTINGS
-        return path.is_file() and path.read_bytes() == _as_bytes(asdict(self.settings))
+        return path.is_file() and path.read_bytes() == json_text(asdict(self.settings)).encode()
 
     def _read_steps(self) -> dict[str, dict[str, Any]]:
         path = self.folder / STEPS
@@ -414,10 +414,6 @@ def project_settings(folder: Path) -> ProjectSettings | None:
 
 def write(path: Path, content: Any) -> None:
     """Write plain data as JSON, unless the file holds just that."""
-    data = _as_bytes(content)
+    data = json_text(content).encode()
     if path.is_symlink() or not path.is_file() or path.read_bytes() != data:
         write_atomically(path, data)
-
-
-def _as_bytes(content: Any) -> bytes:
-    return json_text(content).encode()

@@ -50,20 +50,14 @@ _HEAD = re.compile(r"^(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]+)\]$")
 
 
 def along_rows(motion: MotionLog, blend: float = CORNER_BLEND_S) -> SmoothedPath:
-    """Return the motion along a file's rows, at rest at both ends; velocities are averaged over `blend` seconds."""
+    """Return the motion along a file's rows, at rest at both ends.
+
+    Args:
+        motion, blend: The file's rows, with times; time over which velocities are averaged [s].
+    """
     if not 0.0 < blend < np.inf:
         raise InputError(f"blend: expected more than 0 s, got {blend}")
     return SmoothedPath.through(cast(Floats, motion.time), motion.q_nominal, blend)
-
-
-def leaves_rows(motion: MotionLog, blend: float = CORNER_BLEND_S) -> Floats:
-    """Return the largest distance of the smoothed motion (`along_rows`) from a file's rows, (k,) [rad|m].
-
-    Args:
-        blend: Time over which velocities are averaged [s].
-    """
-    q, _, _ = along_rows(motion, blend).sample(cast(Floats, motion.time) + 0.5 * blend)
-    return np.asarray(np.abs(q - motion.q_nominal).max(axis=0))
 
 
 def _is_named(motion: MotionLog) -> bool:
