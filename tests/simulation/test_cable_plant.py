@@ -1,7 +1,4 @@
 import copy
-from functools import partial
-from time import process_time
-from timeit import timeit
 
 import numpy as np
 import pytest
@@ -323,18 +320,6 @@ def test_no_torque_takes_a_joint_beyond_its_soft_limits(joint, tau):
     assert (beyond <= [0.02, 0.02, 0.001, 0.08, 0.08, 0.08, 0.08]).all()
     assert abs(beyond[joint]) < 0.12  # it has come to its limit
     assert plant.operating_state().state == "ENABLED"
-
-
-@pytest.mark.slow
-def test_friction_costs_a_tick_little_and_minutes_take_seconds():
-    plants = [homed_plant(robot=robot, substeps=1) for robot in ROBOTS]
-    rows = smooth_motion(plants[0].setpoint_js().q, 20.0)
-    spent = np.array(
-        [[timeit(partial(plant.run, rows), timer=process_time, number=1) for plant in plants] for _ in range(7)]
-    )
-    plain, rubbing = spent[1:].min(axis=0)  # others disturb a run, none makes it faster
-    assert rubbing < 1.3 * plain
-    assert rubbing < 20.0 / 300.0
 
 
 TICKS = 500

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from catenary.view.page_content import _SPAN_S, Control, Curves, accepted
+from catenary.plant import JointRanges
+from catenary.view.page_content import _SPAN_S, Control, Curves, accepted, finite_ranges
 from view.arms import RAVEN, Q, state
 
 SLIDER = Control("slider", "s", "s", 0.0, (-2.0, 3.0, 0.1))
@@ -34,6 +35,14 @@ def test_one_of_its_options_is_taken_and_nothing_else(control: Control) -> None:
 def test_switch_is_on_or_off() -> None:
     assert [accepted(SWITCH, value) for value in (True, False)] == [True, False]
     assert [accepted(SWITCH, value) for value in (1, 0.0, "on")] == [None] * 3
+
+
+def test_ranges_are_finite_and_hold_the_limits_that_there_are() -> None:
+    lower, upper = np.array([-np.inf, 5.0, -np.inf, -1.0]), np.array([-4.0, np.inf, np.inf, 2.0])
+    ranges = finite_ranges(JointRanges(tuple("abcd"), ("rad", "rad", "m", "m"), lower, upper))
+    assert np.isfinite([ranges.lower, ranges.upper]).all()
+    assert (ranges.lower < ranges.upper).all()
+    assert (ranges.lower[[1, 3]], ranges.upper[[0, 3]]) == (pytest.approx(lower[[1, 3]]), pytest.approx(upper[[0, 3]]))
 
 
 def curve(curves: Curves, joint: int, plot: int, label: str) -> np.ndarray:

@@ -9,6 +9,7 @@ from catenary.arrays import Floats, as_array, as_positive
 from catenary.dynamics.kinematics import Configuration
 from catenary.dynamics.raven_inverse_kinematics import raven_path
 from catenary.errors import InputError, UnreachablePoseError
+from catenary.plant import Bounded
 from catenary.robots.model import RobotModel
 from catenary.spatial import Pose, as_pose, rotation_vector
 
@@ -166,10 +167,10 @@ def nearest_coordinates(
     return Approach(q, float(np.linalg.norm(e[:3])), float(np.linalg.norm(e[3:])))
 
 
-def search_range(model: RobotModel) -> tuple[Floats, Floats]:
+def search_range(limits: Bounded) -> tuple[Floats, Floats]:
     """Return limits, and where there is none a turn or two metres about zero or beside the limit that there is."""
-    half = np.where(np.array(model.joint_units) == "m", 1.0, np.pi)
-    lower, upper = np.array(model.lower), np.array(model.upper)
+    half = np.where(np.array(limits.joint_units) == "m", 1.0, np.pi)
+    lower, upper = np.array(limits.lower), np.array(limits.upper)
     no_lower, no_upper = np.isinf(lower), np.isinf(upper)
     both = no_lower & no_upper
     lower = np.where(both, -half, np.where(no_lower, upper - 2 * half, lower))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from catenary.arrays import Floats
+from catenary.dynamics.inverse_kinematics import search_range
 from catenary.dynamics.kinematics import link_poses
 from catenary.monitor import Snapshot
 from catenary.plant import Bounded, Jointed, JointRanges
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 
 Value = float | bool | str
-_ENDLESS_RANGE = {"rad": np.pi, "m": 0.5}  # half-range about zero of a joint without limits
 
 
 class Change(NamedTuple):
@@ -95,11 +95,8 @@ def extent_of(shown: PageContent) -> tuple[Floats, float]:
 
 
 def finite_ranges(limits: Bounded) -> JointRanges:
-    """Return finite joint ranges, with defaults for joints without limits."""
-    widest = np.array([_ENDLESS_RANGE[unit] for unit in limits.joint_units])
-    lower = np.where(np.isfinite(limits.lower), limits.lower, -widest)
-    upper = np.where(np.isfinite(limits.upper), limits.upper, widest)
-    return JointRanges(limits.joint_names, limits.joint_units, lower, upper)
+    """Return finite joint ranges, as `search_range` has them of joints without limits."""
+    return JointRanges(limits.joint_names, limits.joint_units, *search_range(limits))
 
 
 ARMS = ("reported", "calibrated", "true")
