@@ -1,3 +1,5 @@
+import warnings
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -209,6 +211,12 @@ def test_an_unloaded_arm_is_called_so(rng: np.random.Generator) -> None:
     q = poses(rng)
     tau = gravity_torque(PLANAR, q, UPRIGHT) + NOISE * rng.normal(size=q.shape)
     assert locate_load(PLANAR, q, tau, UPRIGHT, noise=NOISE).no_load > 0.7
+
+
+def test_a_single_pose_is_weighed_without_a_warning(rng: np.random.Generator) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert locate_load(ARM, np.zeros(2), held(np.zeros(2), rng), UPRIGHT, noise=NOISE).carriers
 
 
 def test_wrong_arguments_are_refused() -> None:

@@ -11,7 +11,7 @@ from catenary.dynamics.torque_regressor import link_parameters
 from catenary.errors import ExcitationError, InputError, MissingInertiaError
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.consistency import pseudo_inertia
-from catenary.identification.explanations.findings import day_findings, findings_against, torque_findings
+from catenary.identification.explanations.findings import day_findings, explained_torques, findings_against
 from catenary.identification.identification import Identification, identify
 from catenary.identification.identification_file import identification_card, load_identification, save_identification
 from catenary.identification.identify_options import IdentifyOptions
@@ -246,7 +246,7 @@ def test_rotors_are_found_each_with_its_error(found_geared):
 
 @pytest.mark.parametrize("rotors", [ROTORS, 0.0 * ROTORS])
 def test_torques_of_a_geared_arm_are_in_no_doubt(arm, rotors):
-    assert torque_findings(arm, prepare(ur10_log(0, rotors=rotors), arm, IdentifyOptions())) == []
+    assert explained_torques(arm, prepare(ur10_log(0, rotors=rotors), arm, IdentifyOptions()))[0] == []
 
 
 def test_currents_read_as_torques_get_no_factors_that_masses_do_not_tell(found_geared, arm):
@@ -255,7 +255,7 @@ def test_currents_read_as_torques_get_no_factors_that_masses_do_not_tell(found_g
         prepare(replace(log, tau=log.tau / np.array([9.0, 12.0, 10.0, 14.0, 8.0, 11.0])), arm, IdentifyOptions())
         for log in (log(0), loaded)
     )
-    for findings in (torque_findings(arm, own), findings_against(found_geared, loaded)):
+    for findings in (explained_torques(arm, own)[0], findings_against(found_geared, loaded)):
         assert (findings[0].name, findings[0].refuses) == ("torques", True)
         assert "--currents with a known --load" in findings[0].remedy
 

@@ -10,7 +10,7 @@ import pytest
 from catenary.dynamics.kinematics import forward_kinematics
 from catenary.gravity.torque import gravity_torque
 from catenary.identification.cable_loops import cable_loops
-from catenary.identification.explanations.findings import findings_against, torque_findings
+from catenary.identification.explanations.findings import explained_torques, findings_against
 from catenary.identification.identification import Identification, identify, identify_samples
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
@@ -205,7 +205,7 @@ def test_a_panda_whose_torques_are_turned_names_the_joints(recordings: Path, joi
     sign = np.ones(7)
     sign[list(joints)] = -1.0
     assert log.tau is not None
-    [finding] = torque_findings(panda, prepare(replace(log, tau=sign * log.tau), panda, IdentifyOptions()))
+    [finding] = explained_torques(panda, prepare(replace(log, tau=sign * log.tau), panda, IdentifyOptions()))[0]
     assert (finding.name, finding.refuses) == ("sign", True)
     assert finding.joints == tuple(panda.joint_names[j] for j in joints)
 
@@ -214,7 +214,7 @@ def test_a_panda_whose_torques_are_turned_names_the_joints(recordings: Path, joi
 def test_a_second_of_motion_in_which_joints_hardly_move_is_not_refused(dvrk: Path, name: str) -> None:
     log, arm = log_of(dvrk, name, "dvrk_psm_motors"), load_robot("dvrk_psm_motors")
     ninth = log.part(len(log) * 8 // 10, len(log) * 9 // 10)  # q1 and q5 look swapped in it
-    assert not any(finding.refuses for finding in torque_findings(arm, prepare(ninth, arm, IdentifyOptions())))
+    assert not any(finding.refuses for finding in explained_torques(arm, prepare(ninth, arm, IdentifyOptions()))[0])
 
 
 @pytest.mark.parametrize(
@@ -231,7 +231,7 @@ def test_velocities_that_do_not_belong_to_positions_are_named_first(dvrk: Path, 
     arm = load_robot("dvrk_psm_motors")
     log, other = (log_of(dvrk, name, "dvrk_psm_motors") for name in ("psm_one.npz", "psm_one_no_weight.npz"))
     spoilt = replace(log, qd=spoil(log.qd, other.qd))
-    first, *_ = torque_findings(arm, prepare(spoilt, arm, IdentifyOptions(), within_limits=False))
+    first, *_ = explained_torques(arm, prepare(spoilt, arm, IdentifyOptions(), within_limits=False))[0]
     assert (first.name, first.refuses) == ("velocities", bool(remedy))
     assert says in first.says
     assert first.remedy.startswith(remedy)

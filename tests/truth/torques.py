@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from catenary.identification.explanations.findings import torque_findings
+from catenary.identification.explanations.findings import explained_torques
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.payload import estimate_payload
@@ -86,7 +86,7 @@ def _weighed(robot: str, kind: str, draw: int) -> tuple[bool, bool]:
 def _tried(truth: Truth) -> Outcome:
     model = load_robot(truth.robot)
     samples = prepare(known_torques(truth), model, IdentifyOptions(), within_limits=False)
-    findings = [each for each in torque_findings(model, samples) if each.name != "short"]
+    findings = [each for each in explained_torques(model, samples)[0] if each.name != "short"]
     names, true = [each.name for each in findings[:1]], [] if truth.cause is None else [FINDING[truth.cause]]
     refused = any(each.refuses for each in findings)
     verdict = (REFUSED if refused else NAMED if findings else HOLDS) if names == true or not refused else FAILS

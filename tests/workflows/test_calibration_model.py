@@ -304,9 +304,9 @@ def test_a_payload_is_weighed_by_names_of_joints_and_torques_mended_as_those_of_
     save_identification(result.identification, result.card, tmp_path / "arm.npz")
     heavy = 1.5  # [kg], three times what the insertion's torque is of
     loaded = turned(recorded(ARM.with_payload("wrist", heavy, PLACE), 2, noise=0.1), "l", TURNED)
-    found = payload_of_files([loaded], tmp_path / "arm.npz", at=("wrist", PLACE))
-    assert found.payload.mass == pytest.approx(heavy, abs=0.05)
-    assert any("--sign tau:elbow; --as-is" in note for note in found.notes)
+    (payload,), notes = payload_of_files([loaded], tmp_path / "arm.npz", at=("wrist", PLACE))
+    assert payload.mass == pytest.approx(heavy, abs=0.05)
+    assert any("--sign tau:elbow; --as-is" in note for note in notes)
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2], TURNED])

@@ -125,8 +125,8 @@ def test_currents_with_a_known_load_give_torques(tmp_path: Path) -> None:
     assert any("the load weighs 5.0" in note or "the load weighs 4.9" in note for note in result.notes)
     # what was identified knows its gains: another load is weighed from its currents
     save_identification(result.identification, result.card, tmp_path / "arm.npz")
-    weighed = payload_of_files([tmp_path / "run3.npz"], tmp_path / "arm.npz", at=("wrist_3_link", place))
-    assert weighed.payload.mass == pytest.approx(3.0, rel=0.03)
+    (weighed,), _ = payload_of_files([tmp_path / "run3.npz"], tmp_path / "arm.npz", at=("wrist_3_link", place))
+    assert weighed.mass == pytest.approx(3.0, rel=0.03)
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +173,7 @@ def test_three_joints_of_a_longer_arm_weigh_a_load_where_the_others_are_held(tmp
     result = identify_files([run(arm, "free")], "ur10e", QUICK, joints=moving)
     save_identification(result.identification, result.card, parameters)
     loaded = run(arm.with_payload("tool0", 3.0, place), "loaded")
-    identified = payload_of_files([loaded], parameters, at=("tool0", place)).payload
+    (identified,), _ = payload_of_files([loaded], parameters, at=("tool0", place))
     assert identified.mass == pytest.approx(3.0, rel=0.03)
     with pytest.raises(InputError, match=r"joint shoulder_pan_joint .* was held at 0.3 when others were identified"):
         payload_of_files([run(arm, "elsewhere", at=0.5)], parameters)

@@ -37,7 +37,7 @@ from catenary.errors import InputError
 from catenary.files import card_path
 from catenary.parallel import on_workers
 from catenary.reports.page import Block, Heading, picture
-from catenary.tables import Table
+from catenary.tables import Column, Table
 
 if TYPE_CHECKING:
     from catenary.calibration.fit_options import FitOptions, FitRun
@@ -274,9 +274,9 @@ def _arm_drift(held: HeldModel) -> None:
     if held.report is not None or held.max_error is not None:
         raise InputError("drift: --report and --max-error do not go with an arm's parameters")
     changes, notes = changes_of_files(held.model, held.data, reading=held.reading(), accept=held.accept)
-    table = Table(["recording", "finding", ("joints", lambda one: ", ".join(one.joints)), "says"], changes, "Changes")
-    content = {"changes": [one._asdict() for one in changes], "notes": notes}
-    print_result(content, table if changes else "no difference from the identification", notes=notes)
+    columns: list[Column] = ["recording", "finding", ("joints", lambda one: ", ".join(one["joints"])), "says"]
+    table = Table(columns, changes, "Changes") if changes else "no difference from the identification"
+    print_result({"changes": changes, "notes": notes}, table, notes=notes)
     if changes:
         raise typer.Exit(FAULT_FOUND)
 

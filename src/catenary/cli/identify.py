@@ -67,11 +67,8 @@ class IdentificationOptions:
         from catenary.identification.identify_options import IdentifyOptions
 
         named = self.friction if self.friction != ("none",) else ()
-        options: dict[str, Any] = values_of(
-            self, "terms", "cutoff_hz", "weighting", "consistent", "prior", "rotors", "blocks"
-        )
-        if self.base_sensor is not None:
-            options["base_sensor"] = self.base_sensor
+        names = "terms", "cutoff_hz", "weighting", "consistent", "prior", "rotors", "blocks", "base_sensor"
+        options = {name: value for name, value in values_of(self, *names).items() if value is not None}
         return IdentifyOptions(
             gravity=cast(Any, tuple(gravity.tolist())), find_rotors=not self.no_rotors,
             friction=FRICTION_PARTS if named is None else named, **options,
@@ -216,8 +213,8 @@ def payload(
     if external is not None:
         _external(data, model, external, **how)
         return
-    result = payload_of_files(data, model, at=None if at is None else (at[0], at[1:]), **how)
-    best, parts = result.payload, list[Any]()
+    estimates, notes = payload_of_files(data, model, at=None if at is None else (at[0], at[1:]), **how)
+    best, parts = estimates[0], list[Any]()
     if best.detected:
         sure = f" (probability {best.probability:.2f})" if len(best.likely) == 1 and at is None else ""
         parts.append(f"payload {best.location}{sure}")
@@ -235,10 +232,11 @@ def payload(
     if best.moment is not None and best.moment_std is not None and has_load:
         moment, off = (", ".join(f"{v:.4f}" for v in values) for values in (best.moment, best.moment_std))
         parts.append(f"mass times place in {best.link}: {moment} kg m, standard deviations {off}")
-    if result.candidates:
+    if len(estimates) > 1:
         likely: list[Column] = ["link", ("probability", "probability:.2f")]
-        parts.append(Table(likely, [best, *result.candidates], "Links that could carry it"))
-    print_result(result.summary(), *parts, notes=result.notes)
+        parts.append(Table(likely, estimates, "Links that could carry it"))
+    content = asdict(best) | {"location": best.location, "candidates": [asdict(other) for other in estimates[1:]]}
+    print_result(content | {"notes": notes}, *parts, notes=notes)
 
 
 def _external(data: Sequence[Path], model: Path, out: Path, **how: Any) -> None:

@@ -18,7 +18,7 @@ the probability: such as two links with a joint between that stands upright and 
 joint's axis, which the joint does not feel. Beyond the gravity-regressor paper.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -95,99 +95,82 @@ class LoadHypotheses:
         Frames are as likely beforehand, which is the probability of a load; when None, of none as well.
         """
         none, *shares = self.shares(beforehand)
-        carriers = []
-        for frame, share, (J, b) in zip(self.frames, shares, self._tests(), strict=True):
-            body, covariance = _body(J, b)
-            deviation = float(np.sqrt(covariance[0, 0]))
-            mass, *moment = self._sizes * body
-            carriers.append(CarrierBelief(frame, share, float(mass), self._sizes[0] * deviation, np.array(moment)))
-        carriers.sort(key=lambda one: -one.probability)
-        beliefs = LoadBeliefs(none, tuple(carriers))
-        if len(beliefs.likely) < 2:
-            return beliefs
-        pair = [(one.frame, np.array([one.mass, *one.moment])) for one in carriers[:2]]
-        return beliefs._replace(telling_joint=telling_joint(self._regressor, pair, q, gravity, noise))
+        _, means, covariances = self._loads()
+        deviations = self._sizes[0] * np.sqrt(covariances[:, 0, 0])
+        each = zip(self.frames, shares, deviations.tolist(), self._sizes * means, strict=True)
+        carriers = [
+            CarrierBelief(frame, share, float(m), std, np.array(moment)) for frame, share, std, (m, *moment) in each
+        ]
+        return load_beliefs(self._regressor, none, carriers, q, gravity, noise)
 
     def shares(self, beforehand: float | None = None) -> list[float]:
         """Return the probability of no load, and of a load on each frame; see `beliefs`."""
         count = len(self.frames)
         prior = count / (count + 1.0) if beforehand is None else beforehand
-        return probabilities([float(np.log(1.0 - prior)), *(float(np.log(prior / count)) + e for e in self.evidence())])
+        logs = np.append(np.log(1.0 - prior), np.log(prior / count) + self.evidence())
+        return np.exp(logs - np.logaddexp.reduce(logs)).tolist()
 
-    def evidence(self) -> list[float]:
+    def evidence(self) -> Floats:
         """Return log p(y | load) - log p(y | no load) of each frame."""
-        J, b = (np.array(values) for values in zip(*self._tests(), strict=True))
-        c = _LOAD_OCTAVES[:, None]
-        sized = log_evidence(c[..., None, None] ** 2 * J, c[..., None] * b)
-        return (np.logaddexp.reduce(sized, axis=0) - np.log(len(c))).tolist()
+        return self._loads()[0]
 
-    def _tests(self) -> Iterator[tuple[Floats, Floats]]:
-        """Yield J and b of every frame, what is not known of the arm taken out."""
+    def _loads(self) -> tuple[Floats, Floats, Floats]:
+        """Return each frame's evidence and load by `load_of_any_size`, what is not known of the arm taken out."""
         A, a = self._squares, self._products
         if self._known is not None:
             A, a = A - A @ np.linalg.solve(A + self._known, A), a - A @ np.linalg.solve(A + self._known, a)
-        for k in range(len(self.frames)):
-            V = self.directions[:, PER_LOAD * k : PER_LOAD * (k + 1)]
-            yield V.T @ A @ V, V.T @ a
+        V = self.directions.T.reshape(len(self.frames), PER_LOAD, -1)  # transposed
+        return load_of_any_size(V @ A @ V.swapaxes(1, 2), V @ a)
 
 
-def _over_sizes(information: Floats, score: Floats) -> tuple[float, Floats]:
-    """Return the log evidence of a load whose size is one of _LOAD_OCTAVES, and the probability of each of them."""
-    each = log_evidence(_LOAD_OCTAVES[:, None, None] ** 2 * information, _LOAD_OCTAVES[:, None] * score)
-    whole = float(np.logaddexp.reduce(each))
-    return whole - float(np.log(len(each))), np.exp(each - whole)
+def load_of_any_size(information: Floats, score: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the evidence and the estimate of loads whose size has a prior over many scales.
 
+    Args:
+        information, score: J (..., k, k) and b (..., k) of loads, in standard deviations of a large one.
 
-def _body(information: Floats, score: Floats) -> tuple[Floats, Floats]:
-    """Return the mean (k,) of a load in standard deviations of a large one, and its covariance."""
-    _, weights = _over_sizes(information, score)
-    covariances = np.array([c * c * np.linalg.inv(np.eye(len(score)) + c * c * information) for c in _LOAD_OCTAVES])
-    return mixed(weights, covariances @ score, covariances)
+    Returns:
+        log p(y | load) - log p(y | no load) (...), loads (..., k) and their covariances (..., k, k).
+    """
+    squares = (_LOAD_OCTAVES**2).reshape(-1, *[1] * information.ndim)
+    whole = np.eye(score.shape[-1]) + squares * information
+    covariances = squares * np.linalg.inv(whole)
+    means = (covariances @ score[..., None])[..., 0]
+    logs = 0.5 * np.sum(means * score, axis=-1) - 0.5 * np.linalg.slogdet(whole)[1]
+    total = np.logaddexp.reduce(logs, axis=0)
+    return total - np.log(len(logs)), *mixed(np.exp(logs - total), means, covariances)
 
 
 def mixed(shares: Floats, means: Floats, covariances: Floats) -> tuple[Floats, Floats]:
-    """Return the mean (k,) and covariance (k, k) of a mixture of Gaussians.
+    """Return the mean (..., k) and covariance (..., k, k) of a mixture of Gaussians.
 
     Args:
-        shares, means, covariances: Of the components (N,), of sum one; (N, k), (N, k, k).
+        shares, means, covariances: Of the components (N, ...), of sum one; (N, ..., k), (N, ..., k, k).
     """
-    mean: Floats = shares @ means
+    mean: Floats = np.einsum("n...,n...i->...i", shares, means)
     spread = means - mean
-    return mean, np.einsum("n,nij->ij", shares, covariances) + np.einsum("n,ni,nj->ij", shares, spread, spread)
+    return mean, np.einsum("n...,n...ij->...ij", shares, covariances + spread[..., None] * spread[..., None, :])
 
 
-def load_of_any_size(u: Floats, covariance: Floats) -> tuple[float, Floats, Floats]:
-    """Return the evidence and the estimate of a load whose size has a prior over many scales.
-
-    Args:
-        u: Estimate of the load (k,), in standard deviations of the prior of a large load.
-        covariance: Its covariance (k, k).
-
-    Returns:
-        Log evidence beyond that of a large load, the load (k,) and its covariance (k, k).
-    """
-    precision = np.linalg.inv(covariance)
-    information, score = precision - np.eye(len(u)), precision @ u
-    as_large = float(log_evidence(information[None], score[None])[0])
-    return _over_sizes(information, score)[0] - as_large, *_body(information, score)
-
-
-def log_evidence(information: Floats, score: Floats) -> Floats:
-    """Return the log Bayes factors log p(y | load) - log p(y | no load) (...) of loads with a standard normal prior.
+def load_beliefs(
+    regressor: CompactRegressor,
+    none: float,
+    carriers: Sequence[CarrierBelief],
+    q: Floats,
+    gravity: Floats,
+    noise: Floats,
+) -> LoadBeliefs:
+    """Return beliefs about carriers, likeliest first, with the joint that tells between the first two if need be.
 
     Args:
-        information, score: Information matrices J (..., k, k), and score vectors b (..., k).
+        none, carriers: Probability of no load, and what is known of each frame.
+        regressor, q, gravity, noise: See `telling_joint`.
     """
-    whole = np.eye(score.shape[-1]) + information
-    _, log_determinant = np.linalg.slogdet(whole)
-    explained = np.einsum("...i,...i->...", score, np.linalg.solve(whole, score[..., None])[..., 0])
-    return 0.5 * explained - 0.5 * log_determinant
-
-
-def probabilities(evidence: Sequence[float]) -> list[float]:
-    """Return the probabilities of hypotheses from the logarithms of evidence, what is likely beforehand included."""
-    weights = np.exp(np.array(evidence) - np.max(evidence))
-    return [float(weight) for weight in weights / weights.sum()]
+    beliefs = LoadBeliefs(none, tuple(sorted(carriers, key=lambda one: -one.probability)))
+    if len(beliefs.likely) < 2:
+        return beliefs
+    pair = [(one.frame, np.array([one.mass, *one.moment])) for one in beliefs.carriers[:2]]
+    return beliefs._replace(telling_joint=telling_joint(regressor, pair, q, gravity, noise))
 
 
 def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
@@ -197,13 +180,8 @@ def likely(names: Sequence[str], shares: Sequence[float]) -> tuple[str, ...]:
         names, shares: Hypotheses, and their probabilities up to a factor.
     """
     order = np.argsort([-share for share in shares], kind="stable")
-    total, held, chosen = sum(shares), 0.0, []
-    for k in order:
-        chosen.append(names[k])
-        held += shares[k]
-        if held >= _SURE_PROBABILITY * total:
-            break
-    return tuple(chosen)
+    held = np.cumsum(np.array(shares)[order]) / sum(shares)
+    return tuple(names[k] for k in order[: int(np.searchsorted(held, _SURE_PROBABILITY)) + 1])
 
 
 def telling_joint(

@@ -58,12 +58,6 @@ def angle_atom(kind: str, factors: Floats) -> tuple[Atom, float]:
     return (kind, tuple((k, round(sign * f, 12)) for k, f in nonzero)), sign
 
 
-def constant_vector(v: Floats) -> SymbolicVector:
-    """Return a vector (3,) of numbers."""
-    x, y, z = (cleaned({(): float(part)}) for part in v)
-    return x, y, z
-
-
 def times(matrix: Floats, v: SymbolicVector) -> SymbolicVector:
     """Return a matrix (3, 3) of numbers times a vector."""
     x, y, z = (weighted(row, v) for row in matrix)
@@ -159,7 +153,8 @@ class WrittenTerms:
     def __init__(self, model: RobotModel, gravity: Floats, *, shared: bool = False) -> None:
         """Take a robot, and gravity (3,), such as (0, 0, -1) for a level base, in units of the free fall."""
         self.definitions: dict[str, Terms] = {}  # by name, each in terms of names before it
-        self._model, self._gravity, self._shared = model, constant_vector(gravity), shared
+        x, y, z = (cleaned({(): float(part)}) for part in gravity)
+        self._model, self._gravity, self._shared = model, (x, y, z), shared
         self._ahead: dict[tuple[int | None, int], SymbolicVector] = {}
         self._turns = {-1: Turn(-1, (), (np.zeros(model.n), 0.0), np.eye(3))}
         for link in range(len(model.tree.parent)):

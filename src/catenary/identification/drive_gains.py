@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from catenary.arrays import Floats
+from catenary.dynamics.torque_regressor import PER_LINK
 from catenary.errors import ExcitationError, InputError
 from catenary.identification.base_parameters import BaseParameters
 from catenary.identification.least_squares import scaled_solution
@@ -91,7 +92,7 @@ def _triangles(base: BaseParameters, parts: Sequence[tuple[Samples, bool]], link
     for whole, with_load in parts:
         part = whole.rows(np.arange(len(whole)) * _BLOCK_COUNT // len(whole) == block, whole.name)
         for rows, Y in base.chunks(part):
-            load = part.body_torques(model, link, rows) * with_load
+            load = part.link_columns(model, rows)[:, :, PER_LINK * link : PER_LINK * (link + 1)] * with_load
             A = np.concatenate([Y, Y[:, :, own] * with_load, load, part.tau[rows, :, None]], axis=2)
             for i in range(model.n):
                 stacks[i].append(A[:, i])

@@ -16,7 +16,14 @@ from catenary.dynamics.actuation_loads import known_torque
 from catenary.dynamics.inverse_dynamics import gravity_rows
 from catenary.errors import InputError
 from catenary.gravity.compact_regressor import compact_regressor
-from catenary.gravity.load_location import CarrierBelief, LoadBeliefs, likely, location_text, telling_joint
+from catenary.gravity.load_location import (
+    CarrierBelief,
+    LoadBeliefs,
+    likely,
+    load_beliefs,
+    location_text,
+    telling_joint,
+)
 from catenary.identification.explanations.evidence import Evidence
 from catenary.identification.explanations.loads import Load, differences, weigh_loads
 from catenary.identification.explanations.priors import belief_of, belief_of_known
@@ -100,13 +107,14 @@ def payload_candidates(
     """
     if not loaded:
         raise InputError("payload: expected at least one recording")
-    model, belief, others = result.model, belief_of(result), tuple(differences(result.model.joint_names))
+    model, belief, others = result.model, belief_of(result), differences(result.model.joint_names)
     of_loaded, of_unloaded = ([Evidence(model, part, belief) for part in parts] for parts in (loaded, unloaded))
     places = [(link, None) for link in belief.links] if at is None else [place_of(result, at)]
     loads = weigh_loads(of_loaded, places, others, unloaded=of_unloaded)
     estimates = [_estimate(model, load, loads.sure, at is None) for load in loads.each]
     best, links = loads.each[0], [estimate.link for estimate in estimates]
-    names, detected, rival = likely(links, loads.shares), estimates[0].detected, int(np.argmax(best.without))
+    names = likely(links, [load.share for load in loads.each])
+    detected, rival = estimates[0].detected, int(np.argmax(best.without))
 
     def telling(count: int) -> str | None:
         pair = [(link, each.mean[:4]) for link, each in zip(links[:count], loads.each, strict=False)]
@@ -119,10 +127,8 @@ def payload_candidates(
         rival_says = f"{others[rival].says}: {how}"
     difference = others[int(np.argmax(best.logs if detected else best.without))].says
     joint = telling(2) if len(names) > 1 else None
-    return tuple(
-        replace(each, probability=share, likely=names, telling_joint=joint, beside=difference, rival=rival_says)
-        for each, share in zip(estimates, loads.shares, strict=True)
-    )
+    common: dict[str, Any] = {"likely": names, "telling_joint": joint, "beside": difference, "rival": rival_says}
+    return tuple(replace(estimate, **common) for estimate in estimates)
 
 
 def locate_load(
@@ -174,19 +180,15 @@ def locate_load(
     still, places = np.zeros_like(rows), np.arange(float(len(rows)))
     samples = Samples("", rows, still, still, torques - known, known, places, 1.0, down)
     evidence = Evidence(model, samples, belief, len(rows), spread)
-    loads = weigh_loads([evidence], [(frame.link, None) for frame in on], tuple(differences(model.joint_names)))
+    loads = weigh_loads([evidence], [(frame.link, None) for frame in on], differences(model.joint_names))
     carriers = []
-    for body, k, share in zip(loads.each, loads.order, loads.shares, strict=True):
-        pose = on[k].pose
+    for body in loads.each:
+        pose = on[body.place].pose
         moment = pose.rotation.T @ (body.mean[1:4] - body.mean[0] * pose.position)
         std = float(np.sqrt(body.covariance[0, 0]))
-        carriers.append(CarrierBelief(named[k], share * loads.sure, float(body.mean[0]), std, moment))
-    beliefs = LoadBeliefs(1.0 - loads.sure, tuple(carriers))
-    if len(beliefs.likely) < 2:
-        return beliefs
-    pair = [(one.frame, np.array([one.mass, *one.moment])) for one in carriers[:2]]
+        carriers.append(CarrierBelief(named[body.place], body.share * loads.sure, float(body.mean[0]), std, moment))
     last = down[-1] if down.ndim == 2 else down
-    return beliefs._replace(telling_joint=telling_joint(compact_regressor(model), pair, rows[-1], last, spread))
+    return load_beliefs(compact_regressor(model), 1.0 - loads.sure, carriers, rows[-1], last, spread)
 
 
 def place_of(result: Identification, at: tuple[str, ArrayLike]) -> tuple[int, Floats]:
@@ -209,4 +211,4 @@ def _estimate(model: RobotModel, of: Load, sure: float, anywhere: bool) -> Paylo
     is_there = mean[0] > 0.0
     detected, confidence = bool(is_there and sure >= _SURE), sure if is_there else 0.0
     link = model.link_names[of.link]
-    return PayloadEstimate(link, mass, mass_std, moment, moment_std, detected, confidence)
+    return PayloadEstimate(link, mass, mass_std, moment, moment_std, detected, confidence, of.share)

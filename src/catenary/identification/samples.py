@@ -27,7 +27,7 @@ from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.errors import InputError
 from catenary.identification.identify_options import IdentifyOptions, filter_of, known_rotors
-from catenary.identification.velocities import MARGIN, velocity_faults
+from catenary.identification.velocities import MARGIN, VelocityFault, velocity_faults
 from catenary.kernels.compiled import compiled
 from catenary.plant import Joints, MotionLog
 from catenary.robots.actuation import SignalFilter
@@ -108,19 +108,6 @@ def check_positions(log: MotionLog, model: RobotModel) -> None:
         )
 
 
-def check_velocities(where: str, model: RobotModel, samples: "Samples") -> None:
-    """Refuse velocities that do not belong to the positions.
-
-    Args:
-        where, model, samples: Name of the recording for messages, robot, and filtered rows.
-    """
-    if samples.derived is not None:
-        step = float(np.median(np.diff(samples.time)))
-        faults = sorted(velocity_faults(model, samples.qd, samples.derived[:, 0], step))
-        if faults and faults[-1].remedy and faults[-1].gain > MARGIN:
-            raise InputError(f"{where}: {faults[-1].says}; fix: {faults[-1].remedy}")
-
-
 _BASE_UNITS = {"gravity": "m/s2", "base_rate": "rad/s", "base_acceleration": "rad/s2"}
 _MIN_GRAVITY, _MAX_GRAVITY = 1.0, 30.0  # [m/s2] plausible gravity; beyond, it is in another unit
 
@@ -156,6 +143,7 @@ def _vector(log: MotionLog, name: str) -> Floats | None:
 
 
 _ALL_ROWS = slice(None)
+_ROW_ARRAYS = ("q", "qd", "qdd", "tau", "known", "time", "base", "carried", "derived")
 _KEPT_COLUMNS_BYTES = 2e8  # largest cached regressor of a recording, which a fit needs a dozen times
 HELD_OUT = " (held-out blocks)"  # suffix of a recording's name for its held-out blocks
 _IRREGULAR_SPREAD = 0.01  # relative spread of time steps above which a recording is resampled at even steps
@@ -190,18 +178,7 @@ class Samples:
 
     def rows(self, which: NDArray[np.bool_], name: str) -> "Samples":
         """Return a subset of the rows under another name."""
-        keys = (
-            "q",
-            "qd",
-            "qdd",
-            "tau",
-            "known",
-            "time",
-            *["gravity"] * self.holds_gravity,
-            "base",
-            "carried",
-            "derived",
-        )
+        keys = [*_ROW_ARRAYS, *["gravity"] * self.holds_gravity]
         chosen: dict[str, Any] = {key: values[which] for key in keys if (values := getattr(self, key)) is not None}
         if self.history is not None:
             chosen["history"] = replace(self.history, kept=self.history.kept[which])
@@ -233,10 +210,13 @@ class Samples:
     def _of(self, *model: Any) -> tuple[Any, ...]:
         return *model, self.q, self.qd, self.qdd, self.gravity, self.base
 
-    def body_torques(self, model: RobotModel, link: int, part: slice = _ALL_ROWS) -> Floats:
-        """Return the regressor of a body on a link (N, n, 10)."""
-        whole = self.link_columns(model, part)
-        return whole[:, :, PER_LINK * link : PER_LINK * (link + 1)]
+    def velocity_faults(self, model: RobotModel) -> list[VelocityFault]:
+        """Return faults that are likelier than sound velocities, likeliest last; none without recorded velocities."""
+        if self.derived is None:
+            return []
+        step = float(np.median(np.diff(self.time)))
+        faults = velocity_faults(model, self.qd, self.derived[:, 0], step)
+        return sorted(fault for fault in faults if fault.gain > 0.0)
 
 
 def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, within_limits: bool = True) -> Samples:
@@ -295,8 +275,9 @@ def prepare(log: MotionLog, model: RobotModel, options: IdentifyOptions, *, with
     of_base, derived = (rows.get("gravity", stated), rows.get("base")), rows.get("derived")
     independent = min(1.0, 2.0 * settings.cutoff_hz / rate)
     samples = Samples(log.name, *motion, independent, *of_base, history, notes=notes, derived=derived)
-    if within_limits:
-        check_velocities(f'recording "{log.name}"', model, samples)
+    faults = samples.velocity_faults(model) if within_limits else []
+    if faults and faults[-1].remedy and faults[-1].gain > MARGIN:
+        raise InputError(f'recording "{log.name}": {faults[-1].says}; fix: {faults[-1].remedy}')
     return samples
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from catenary.files import json_text
 from catenary.identification.identification import Identification, Rotor
 from catenary.identification.identification_file import Card
-from catenary.identification.residuals import LogResidual
 from catenary.identification.samples import Samples
 from catenary.reports import page
 from catenary.reports.robot_plot import robot_picture
@@ -69,7 +68,7 @@ def absolute_table(result: Identification) -> Table:
     units = [TORQUE_UNIT[unit] for unit in result.model.joint_units]
     joints = list(zip(result.model.joint_names, units, strict=True))
     columns = [("RMS residual", "log"), *joint_columns(joints, lambda r, j: r.rms[j], ".4f")]
-    return Table(columns, _all(result), "RMS residual")
+    return Table(columns, [*result.training, *result.tests], "RMS residual")
 
 
 def mass_table(result: Identification) -> Table | None:
@@ -125,7 +124,3 @@ def torque_picture(result: Identification, samples: Samples) -> page.Picture:
     panels[0, 0].legend(loc="upper right", ncols=3, fontsize=8)
     axis.set_xlabel("row" if result.options.terms == "static" else "time [s]")
     return page.picture(figure, "Measured torque, predicted torque and residual, with the same filter.")
-
-
-def _all(result: Identification) -> Sequence[LogResidual]:
-    return (*result.training, *result.tests)

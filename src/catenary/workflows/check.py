@@ -25,7 +25,7 @@ from catenary.errors import CatenaryError, ExcitationError, FileFormatError, Inp
 from catenary.file_formats import endings, format_named, format_of
 from catenary.files import card_path, card_text
 from catenary.gravity.mass_plausibility import mass_doubts
-from catenary.identification.explanations.findings import torque_findings
+from catenary.identification.explanations.findings import explained_torques
 from catenary.identification.identification import Identification, identify_samples
 from catenary.identification.identification_file import load_identification
 from catenary.identification.identify_options import IdentifyOptions
@@ -459,7 +459,7 @@ def torque_verdict(log: MotionLog, model: RobotModel) -> tuple[list[str], list[s
     result: Identification | None = None
     try:
         samples = prepare(log, model, options, within_limits=False)
-        findings = (*findings, *torque_findings(model, samples))
+        findings = (*findings, *explained_torques(model, samples)[0])
         check_positions(log, model)
         speed = np.sqrt(np.mean(samples.qd**2, axis=0))
         still = [name for name, v in zip(model.joint_names, speed, strict=True) if v < _STILL_SPEED and terms == "full"]

@@ -7,7 +7,7 @@ may be identified alone; the others are locked at the positions in the recording
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +33,7 @@ from catenary.identification.identify_options import IdentifyOptions, filter_of
 from catenary.identification.payload import PayloadEstimate, estimate_payload, payload_candidates
 from catenary.identification.residuals import rms
 from catenary.identification.samples import HELD_OUT, Samples, check_positions, prepare
-from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joint_indices, joints_text, nameless
+from catenary.plant import JOINT_ARRAYS, Joints, MotionLog, joint_indices, joints_text
 from catenary.recording.import_formats.table_files import read_rows
 from catenary.recording.logs import Reading, read_torque_log
 from catenary.robots.catalog import load_robot
@@ -70,9 +70,7 @@ def part_of_arm(
                 f"in the recordings: name it too, or take recordings that hold it (within {STILL[unit]:g} {unit})"
             )
         held[name] = float(np.clip(np.mean(where), model.lower[i], model.upper[i]))
-    if not held:
-        return model, held
-    return lock_joints(model, held), held
+    return (lock_joints(model, held) if held else model), held
 
 
 def require_held(logs: Sequence[MotionLog], held: Mapping[str, float]) -> None:
@@ -88,12 +86,9 @@ def require_held(logs: Sequence[MotionLog], held: Mapping[str, float]) -> None:
 
 def of_joints(log: MotionLog, model: RobotModel) -> MotionLog:
     """Return a recording with only a robot's joints."""
-    n = len(log.joint_names)
-    if log.joint_names == nameless(n) and n == model.n:
+    if len(log.joint_names) == model.n:
         return log.in_order_of(model, of="--joints are")
     chosen = joint_indices(model, log, whose=f'recording "{log.name}"', of="--joints are")
-    if n == len(chosen):
-        return log.in_order_of(model, of="--joints are")
     arrays = {key: values[:, chosen] for key in JOINT_ARRAYS if (values := getattr(log, key)) is not None}
     omitted = [name for name in log.joint_names if name not in model.joint_names]
     notes = (*log.notes, f"joints left out: {joints_text(Joints(tuple(omitted)))}")
@@ -164,38 +159,6 @@ class ExternalTorques:
         write_atomically(path, ("\n".join(lines) + "\n").encode())
 
 
-def external_torques(result: Identification, pushed: Samples, unloaded: Sequence[Samples] = ()) -> ExternalTorques:
-    """Return the external torques by an identification: M qdd + C qd + g + friction - tau.
-
-    The interval is 1.96 times the RMS residual on `unloaded` recordings, else on the tests of the identification.
-    """
-    torque = result.predict_samples(pushed) - pushed.tau
-    notes = list[str]()
-    if unloaded:
-        deviation = rms(np.concatenate([result.predict_samples(part) - part.tau for part in unloaded]))
-    else:
-        deviation = np.max([residual.rms for residual in result.tests or result.training], axis=0)
-        if not result.tests:
-            notes.append("intervals are by the residual of the recordings that were fitted: give one with --unloaded")
-    half_width = IN_95_PERCENT * deviation
-    widths = np.maximum(half_width, 1e-9 * max(1.0, float(half_width.max())))
-    wrenches = [
-        external_wrench(result.model, q, ExternalTorque(row, widths)) for q, row in zip(pushed.q, torque, strict=True)
-    ]
-    wrench, width = (np.array(values) for values in zip(*wrenches, strict=True))
-    if not np.isfinite(wrench).any():
-        notes.append(f"{result.model.n} joints cannot separate the components of a force on {result.model.tip}")
-    for k, (name, mean) in enumerate(zip(result.model.joint_names, torque.mean(axis=0), strict=True)):
-        if abs(mean) > STEADY_SHARE * max(half_width[k], rms(torque)[k]):
-            unit = TORQUE_UNIT[result.model.joint_units[k]]
-            notes.append(
-                f"{name}: {mean:+.3g} {unit} throughout: a shifted zero of its torque looks like a steady push; "
-                "begin the recording untouched"
-            )
-    estimates = torque, half_width, wrench, width, tuple(notes)
-    return ExternalTorques(pushed.name, result.model, pushed.time, *estimates)
-
-
 _POOR_RESIDUAL = 0.6  # relative residual above which a note is given
 
 
@@ -213,18 +176,8 @@ class IdentifyResult:
     def summary(self) -> dict[str, Any]:
         """Return plain data."""
         result = self.identification
-        keys = (
-            "n_base",
-            "condition",
-            "rank",
-            "robot",
-            "physically_consistent",
-            "prior",
-            "friction",
-            "bodies",
-            "training",
-        )
-        return {key: self.card[key] for key in (*keys, "tests", "notes")} | {
+        keys = "n_base condition rank robot physically_consistent prior friction bodies training tests notes"
+        return {key: self.card[key] for key in keys.split()} | {
             "joints": list(result.model.joint_names),
             "terms": result.options.terms,
             "rotors": [rotor._asdict() for rotor in result.rotors],
@@ -287,9 +240,9 @@ def identify_files(
     gaps = [f"{part.name}: {note}" for part in whole for note in part.notes]
     settled = () if gains is None else GAINS
     explained = [explained_torques(model, part, settled) for part in training]
-    causes = [(part.name, finding) for part, entry in zip(training, explained, strict=True) for finding in entry[0]]
+    causes = [(part.name, one) for part, (ones, _) in zip(training, explained, strict=True) for one in ones]
     doubts = judge(causes, accept)
-    model, loads = arm_as_found(model, [entry[1:] for entry in explained])
+    model, loads = arm_as_found(model, [explanation for _, explanation in explained])
     for log in (*read, *read_tests):  # after findings that may explain the positions
         check_positions(log, model)
     bodies = (*((payload,) if payload is not None else ()), *loads)
@@ -365,21 +318,6 @@ def _notes(model: RobotModel, result: Identification) -> Iterator[str]:
         yield f"rotors that the motion does not determine: {hidden}; move each joint alone and faster"
 
 
-@dataclass(frozen=True)
-class PayloadResult:
-    """Estimated payload, and candidates on other links if its location was not given."""
-
-    payload: PayloadEstimate
-    candidates: tuple[PayloadEstimate, ...]
-    notes: tuple[str, ...]
-
-    def summary(self) -> dict[str, Any]:
-        """Return plain data."""
-        candidates = [asdict(other) for other in self.candidates]
-        details = {"location": self.payload.location, "candidates": candidates, "notes": list(self.notes)}
-        return asdict(self.payload) | details
-
-
 def payload_of_files(
     logs: Sequence[Path],
     model: Path,
@@ -387,7 +325,7 @@ def payload_of_files(
     at: tuple[str, Sequence[float]] | None = None,
     unloaded: Sequence[Path] = (),
     **how: Any,
-) -> PayloadResult:
+) -> tuple[tuple[PayloadEstimate, ...], list[str]]:
     """Estimate the payload of an identified arm from recordings, whose torques are checked for sign and unit first.
 
     Args:
@@ -395,39 +333,54 @@ def payload_of_files(
         at: Frame, and the payload's position in it (3,) [m], if known.
         unloaded: Recordings without the payload, of the same day.
         **how: Mapping, corrections and accepted findings.
+
+    Returns:
+        The payload on the likeliest link, then on others if its location was not given; and notes.
     """
     result, samples, notes = _read_for(model, (*logs, *unloaded), of_arm=False, **how)  # of a load the estimate tells
     loaded, empty = samples[: len(logs)], samples[len(logs) :]
-    best, *candidates = payload_candidates(result, loaded, at=at, unloaded=empty)
+    estimates = payload_candidates(result, loaded, at=at, unloaded=empty)
+    best = estimates[0]
     if best.rival:
         notes.append(f"a load on {best.link} cannot be distinguished from {best.rival}")
     if best.mass is None:
         notes.append("the motion determines mass times position, not the mass alone; give the position with --at")
-    return PayloadResult(best, tuple(candidates), tuple(notes))
+    return estimates, notes
 
 
 def external_torques_of_file(log: Path, model: Path, *, unloaded: Sequence[Path] = (), **how: Any) -> ExternalTorques:
-    """Estimate the external torques on an arm's joints in a recording.
+    """Estimate the external torques on an arm's joints in a recording: M qdd + C qd + g + friction - tau.
+
+    The interval is 1.96 times the RMS residual on `unloaded` recordings, else on the tests of the identification.
 
     Args:
         unloaded: Recordings without external torques, of the same day.
         **how: Mapping, corrections and accepted findings.
     """
-    result, samples, notes = _read_for(model, (log, *unloaded), **how)
-    torques = external_torques(result, samples[0], samples[1:])
-    return replace(torques, notes=(*notes, *torques.notes))
+    result, (pushed, *untouched), notes = _read_for(model, (log, *unloaded), **how)
+    arm, torque = result.model, result.predict_samples(pushed) - pushed.tau
+    if untouched:
+        deviation = rms(np.concatenate([result.predict_samples(part) - part.tau for part in untouched]))
+    else:
+        deviation = np.max([residual.rms for residual in result.tests or result.training], axis=0)
+        if not result.tests:
+            notes.append("intervals are by the residual of the recordings that were fitted: give one with --unloaded")
+    half_width = IN_95_PERCENT * deviation
+    widths = np.maximum(half_width, 1e-9 * max(1.0, float(half_width.max())))
+    wrenches = [external_wrench(arm, q, ExternalTorque(row, widths)) for q, row in zip(pushed.q, torque, strict=True)]
+    wrench, width = (np.array(values) for values in zip(*wrenches, strict=True))
+    if not np.isfinite(wrench).any():
+        notes.append(f"{arm.n} joints cannot separate the components of a force on {arm.tip}")
+    steady, size = torque.mean(axis=0), STEADY_SHARE * np.maximum(half_width, rms(torque))
+    for k in np.flatnonzero(np.abs(steady) > size):
+        notes.append(
+            f"{arm.joint_names[k]}: {steady[k]:+.3g} {TORQUE_UNIT[arm.joint_units[k]]} throughout: a shifted zero of "
+            "its torque looks like a steady push; begin the recording untouched"
+        )
+    return ExternalTorques(pushed.name, arm, pushed.time, torque, half_width, wrench, width, tuple(notes))
 
 
-class ArmChange(NamedTuple):
-    """A difference between a recording and an arm as identified."""
-
-    recording: str
-    finding: str  # name in FINDINGS
-    joints: tuple[str, ...]
-    says: str
-
-
-def changes_of_files(model: Path, logs: Sequence[Path], **how: Any) -> tuple[list[ArmChange], list[str]]:
+def changes_of_files(model: Path, logs: Sequence[Path], **how: Any) -> tuple[list[dict[str, Any]], list[str]]:
     """Estimate the changes of an identified arm from later recordings: zeros, gains, loads and friction.
 
     Args:
@@ -435,13 +388,15 @@ def changes_of_files(model: Path, logs: Sequence[Path], **how: Any) -> tuple[lis
         **how: Mapping, corrections and accepted findings.
 
     Returns:
-        The changes, which are not refused, and notes.
+        The changes, which are not refused: recording, finding (name in FINDINGS), joints and what it says; and notes.
     """
     result, samples, notes, read = _read(model, logs, **how)
     findings = [(part.name, finding) for part in samples for finding in findings_against(result, part)]
     for log in () if findings else read:
         check_positions(log, result.model)
-    return [ArmChange(name, finding.name, finding.joints, finding.says) for name, finding in findings], notes
+    keys = ("recording", "finding", "joints", "says")
+    rows = ((name, finding.name, finding.joints, finding.says) for name, finding in findings)
+    return [dict(zip(keys, row, strict=True)) for row in rows], notes
 
 
 def _read_for(

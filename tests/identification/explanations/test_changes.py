@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from catenary.arrays import Floats
-from catenary.identification.explanations.findings import torque_findings
+from catenary.identification.explanations.findings import explained_torques
 from catenary.identification.identify_options import IdentifyOptions
 from catenary.identification.samples import prepare
 from catenary.plant import MotionLog
@@ -37,7 +37,7 @@ def heavier() -> Floats:
 
 
 def messages(log: MotionLog) -> list[str]:
-    return [str(each) for each in torque_findings(ARM, prepare(log, ARM, PLAIN)) if each.name != "short"]
+    return [str(each) for each in explained_torques(ARM, prepare(log, ARM, PLAIN))[0] if each.name != "short"]
 
 
 def test_untouched_torques_are_not_doubted(run: MotionLog) -> None:

@@ -10,8 +10,8 @@ import pytest
 from catenary.identification.explanations.evidence import Evidence
 from catenary.identification.explanations.findings import (
     ExplainedRecording,
+    explained_torques,
     find_explanation,
-    torque_findings,
     unseen_joints,
 )
 from catenary.identification.explanations.hypotheses import HYPOTHESES
@@ -58,7 +58,7 @@ def test_causes_of_forty_recordings_are_told_and_no_wrong_one_is_advised(truths:
         explanation = explained(truth)
         if not is_right(truth, explanation):
             wrong.append(truth.name)
-            findings = torque_findings(load_robot(truth.robot), samples_of(truth))
+            findings = explained_torques(load_robot(truth.robot), samples_of(truth))[0]
             assert not any(finding.refuses for finding in findings), truth.name
     assert len(wrong) <= 2, wrong
 
@@ -73,7 +73,7 @@ def test_causes_of_forty_recordings_are_told_and_no_wrong_one_is_advised(truths:
     ],
 )
 def test_the_option_mends_what_was_spoilt(name: str, option: str) -> None:
-    [finding] = torque_findings(load_robot(OF[name].robot), samples_of(OF[name]))
+    [finding] = explained_torques(load_robot(OF[name].robot), samples_of(OF[name]))[0]
     assert finding.refuses
     assert re.search(option, finding.remedy)
 
@@ -87,7 +87,7 @@ def test_an_offset_is_mended_by_its_option() -> None:
 
 def test_a_gripper_is_a_note_with_its_mass() -> None:
     truth = OF["3 kg on a UR10e"]
-    [finding] = torque_findings(load_robot(truth.robot), samples_of(truth))
+    [finding] = explained_torques(load_robot(truth.robot), samples_of(truth))[0]
     assert (finding.name, finding.refuses) == ("arm", False)
     mass = re.search(r": ([\d.]+) kg, standard deviation ([\d.]+)", finding.says)
     assert mass is not None
@@ -120,7 +120,7 @@ def test_late_and_early_torques_are_told_with_their_time(rows: int) -> None:
     raven = load_robot("raven2")
     log = recorded(raven, 0, noise=0.1)
     log = replace(log, tau=np.roll(np.array(log.tau), rows, axis=0))  # at 200 Hz; filters cut the ends
-    [finding] = torque_findings(raven, prepare(log, raven, IdentifyOptions()))
+    [finding] = explained_torques(raven, prepare(log, raven, IdentifyOptions()))[0]
     assert f"{abs(rows) * 5} ms too {'late' if rows > 0 else 'early'}" in finding.says
     assert not finding.refuses
 
@@ -136,7 +136,7 @@ def test_late_and_early_torques_are_told_with_their_time(rows: int) -> None:
 )
 def test_the_mounting_that_fits_is_told(tmp_path: Path, gravity, message: str, option: str) -> None:
     arm = load_urdf(write_ur10(tmp_path))
-    [finding] = torque_findings(arm, prepare(ur10_log(0, gravity=gravity), arm, IdentifyOptions()))
+    [finding] = explained_torques(arm, prepare(ur10_log(0, gravity=gravity), arm, IdentifyOptions()))[0]
     assert (finding.name, finding.refuses) == ("gravity", True)
     assert re.search(message, finding.says)
     assert re.match(f"--gravity {option}", finding.remedy)

@@ -169,7 +169,7 @@ class Evidence:
             y = self.rows.torques(supposed).T
             return gram, (y[:, None] @ by_joint)[:, 0], np.sum(y**2, axis=1)
 
-        return shown() if extra else _kept(self._shown_by, (key, supposed.late_s, supposed.turned), shown, _KEPT_GRAMS)
+        return shown() if extra else _kept(self._shown_by, (key, supposed.late, supposed.turned), shown, _KEPT_GRAMS)
 
     def _joint_columns(self, supposed: Supposed, extra: Sequence[Extra]) -> tuple[_Gram, Floats]:
         """Return the Gram matrix of the columns, and them by joint (n, N, p)."""

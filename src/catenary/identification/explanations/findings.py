@@ -51,9 +51,14 @@ class Cause:
 class ExplainedRecording:
     """Explanation of a recording, with its residual."""
 
+    evidence: Evidence
     causes: tuple[Cause, ...]
     supposed: Supposed
     fit: Fit
+
+    def findings(self, unseen: Collection[str] = ()) -> list[Finding]:
+        """Return the causes as findings; none is advised that needs the torque of an unseen joint alone."""
+        return [_finding(self, cause, unseen) for cause in self.causes]
 
 
 def find_explanation(evidence: Evidence, settled: Collection[str] = ()) -> ExplainedRecording:
@@ -80,7 +85,7 @@ def find_explanation(evidence: Evidence, settled: Collection[str] = ()) -> Expla
             supposed, used = candidate.supposed, value
             evidence_now, which = evidence.over_spreads(supposed)
             debt = evidence_now - used  # price and integral, which further causes pay as well
-        return ExplainedRecording(tuple(causes), supposed, evidence.fit(supposed, which))
+        return ExplainedRecording(evidence, tuple(causes), supposed, evidence.fit(supposed, which))
 
 
 def _ranked(trial: Trial, debt: float, settled: Collection[str]) -> list[tuple[float, Hypothesis, PossibleCause, int]]:
@@ -105,7 +110,9 @@ def _ranked(trial: Trial, debt: float, settled: Collection[str]) -> list[tuple[f
     return weighed
 
 
-def torque_findings(model: RobotModel, samples: Samples, settled: Collection[str] = ()) -> list[Finding]:
+def explained_torques(
+    model: RobotModel, samples: Samples, settled: Collection[str] = ()
+) -> tuple[list[Finding], ExplainedRecording]:
     """Explain a recording that is to be fitted, by the masses of the robot's file.
 
     Args:
@@ -113,29 +120,14 @@ def torque_findings(model: RobotModel, samples: Samples, settled: Collection[str
         settled: Hypotheses that are left out, such as `GAINS` of currents whose gains were just found.
 
     Returns:
-        Findings that refuse it with the option that mends it, and notes on what the arm has beside its file.
+        Findings that refuse it with the option that mends it, and notes on what the arm has beside its file, with the
+        explanation that they come from.
     """
-    return explained_torques(model, samples, settled)[0]
-
-
-def explained_torques(
-    model: RobotModel, samples: Samples, settled: Collection[str] = ()
-) -> tuple[list[Finding], Evidence, Supposed]:
-    """Return the findings of `torque_findings` with the evidence and hypotheses that they come from.
-
-    Args:
-        settled: Names of hypotheses that are excluded.
-    """
-    evidence = Evidence(model, samples)
-    explanation = find_explanation(evidence, settled)
-    unseen = unseen_joints(evidence, explanation.supposed)
-    findings = [*_findings_of(evidence, explanation, unseen), *(_unseen(name) for name in unseen)]
-    return findings, evidence, explanation.supposed
-
-
-def _unseen(name: str) -> Finding:
+    explanation = find_explanation(Evidence(model, samples), settled)
+    unseen = unseen_joints(explanation.evidence, explanation.supposed)
     says = "unseen: the motion does not determine its torque in usual motions: move it, also alone"
-    return Finding("short", (name,), says, refuses=False)
+    notes = [Finding("short", (name,), says, refuses=False) for name in unseen]
+    return [*explanation.findings(unseen), *notes], explanation
 
 
 def findings_against(result: Identification, samples: Samples) -> list[Finding]:
@@ -144,65 +136,43 @@ def findings_against(result: Identification, samples: Samples) -> list[Finding]:
     Args:
         result, samples: Identification of the arm, and filtered rows of the recording.
     """
-    evidence = Evidence(result.model, samples, belief_of(result))
-    return _findings_of(evidence, find_explanation(evidence))
+    return find_explanation(Evidence(result.model, samples, belief_of(result))).findings()
 
 
-def _findings_of(evidence: Evidence, explanation: ExplainedRecording, unseen: Collection[str] = ()) -> list[Finding]:
-    return [_finding(evidence, explanation, cause, unseen) for cause in explanation.causes]
-
-
-def _finding(
-    evidence: Evidence, explanation: ExplainedRecording, cause: Cause, unseen: Collection[str] = ()
-) -> Finding:
-    hypothesis, candidate = cause.hypothesis, cause.candidate
+def _finding(explanation: ExplainedRecording, cause: Cause, unseen: Collection[str]) -> Finding:
+    evidence, hypothesis, candidate = explanation.evidence, cause.hypothesis, cause.candidate
     names = tuple(evidence.model.joint_names[i] for i in candidate.joints)
-    says = f"{candidate.says}{_of_load(evidence, explanation, cause)}; log evidence +{cause.gain:.0f}"
-    if hypothesis.of_arm or not hypothesis.mended:
-        with_arm = hypothesis.of_arm and len(evidence.belief.covariances) > 1  # not yet identified
+    says = f"{candidate.says}; log evidence +{cause.gain:.0f}"
+    if hypothesis.name == "load":
+        body, std = load_body(evidence, explanation.supposed, candidate.supposed.loads[-1])
+        says = f"{candidate.says}: {body[0]:.2g} kg, standard deviation {std:.1g}; log evidence +{cause.gain:.0f}"
+    rivals = "; ".join(f"{rival.says} (-{less:.1f})" for less, _, rival in cause.rivals)
+    rivals = f"; nearly as likely: {rivals}" if rivals else ""
+    if not candidate.remedy:
+        with_arm = hypothesis.finding == "arm" and len(evidence.belief.covariances) > 1  # not yet identified
         culprit = "it is identified with the arm" if with_arm else ""
-        return Finding(hypothesis.finding, names, says + _rivals(cause), culprit, refuses=False)
-    alike = all(not kind.of_arm and kind.mended and rival.joints == candidate.joints for _, kind, rival in cause.rivals)
+        return Finding(hypothesis.finding, names, says + rivals, culprit, refuses=False)
+    alike = all(rival.remedy and rival.joints == candidate.joints for _, _, rival in cause.rivals)
     whose = list(candidate.joints) or list(range(evidence.model.n))
     sound = bool((explanation.fit.relative[whose] < _POOR).all()) and explanation.fit.implausible < _IMPLAUSIBLE
     moved = len(names) == evidence.model.n or not set(names) & set(unseen)
-    refuses = sound and alike and moved and candidate.error < UNSURE
-    remedies = [_option(evidence, c.remedy) for c in (candidate, *(c for _, _, c in cause.rivals))] if refuses else []
-    if not refuses:
-        reasons = {
-            "its number is not sure": candidate.error >= UNSURE,
-            "see rivals": not alike,
-            "too little motion to tell": not moved,
-            "it explains too little": True,
-        }
-        says += f"; nothing is advised: {next(reason for reason, holds in reasons.items() if holds)}"
-    return Finding(hypothesis.finding, names, says + _rivals(cause), "", " or ".join(remedies), refuses=refuses)
-
-
-def _rivals(cause: Cause) -> str:
-    rivals = [f"{candidate.says} (-{less:.1f})" for less, _, candidate in cause.rivals]
-    return f"; nearly as likely: {'; '.join(rivals)}" if rivals else ""
-
-
-def _option(evidence: Evidence, remedy: str) -> str:
-    """Return a remedy with what velocities need, if they were recorded."""
-    return re.sub(r"\{rates:(.*?)\}", r" \1" if evidence.rows.samples.derived is not None else "", remedy)
-
-
-def _of_load(evidence: Evidence, explanation: ExplainedRecording, cause: Cause) -> str:
-    if cause.hypothesis.name != "load":
-        return ""
-    body, std = load_body(evidence, explanation.supposed, cause.candidate.supposed.loads[-1])
-    return f": {body[0]:.2g} kg, standard deviation {std:.1g}"
+    doubts = (
+        ("its number is not sure", not candidate.error < UNSURE), ("see rivals", not alike),
+        ("too little motion to tell", not moved), ("it explains too little", not sound),
+    )  # fmt: skip
+    if reasons := [reason for reason, holds in doubts if holds]:
+        says += f"; nothing is advised: {reasons[0]}"
+        return Finding(hypothesis.finding, names, says + rivals, refuses=False)
+    # with what velocities need, if they were recorded
+    rates = r" \1" if evidence.rows.samples.derived is not None else ""
+    options = [re.sub(r"\{rates:(.*?)\}", rates, c.remedy) for c in (candidate, *(c for _, _, c in cause.rivals))]
+    return Finding(hypothesis.finding, names, says + rivals, "", " or ".join(options))
 
 
 def unseen_joints(evidence: Evidence, supposed: Supposed) -> tuple[str, ...]:
     """Return the joints whose torque at usual motions a recording leaves open."""
-    fit, samples, model = (
-        evidence.fit(supposed, evidence.over_spreads(supposed)[1]),
-        evidence.rows.samples,
-        evidence.model,
-    )
+    samples, model = evidence.rows.samples, evidence.model
+    fit = evidence.fit(supposed, evidence.over_spreads(supposed)[1])
     rng, n = np.random.default_rng(0), model.n
     reach = np.maximum(np.ptp(samples.q, axis=0) / 2.0, _USUAL_RANGE)
     q = samples.q.mean(axis=0) + rng.uniform(-1.0, 1.0, (_USUAL_ROWS, n)) * reach
@@ -228,8 +198,8 @@ def day_findings(model: RobotModel, days: Sequence[Samples], belief: Belief | No
         belief: Prior of the arm's parameters; the file's when None.
     """
     if len(days) < 2:
-        evidences = [(day.name, Evidence(model, day, belief)) for day in days if belief is not None]
-        return [(name, finding) for name, own in evidences for finding in _findings_of(own, find_explanation(own))]
+        explained = [find_explanation(Evidence(model, day, belief)) for day in days if belief is not None]
+        return [(days[0].name, finding) for explanation in explained for finding in explanation.findings()]
     findings, middle = [], len(days) // 2
     for own, others in ((days[:middle], days[middle:]), (days[middle:], days[:middle])):
         shown = belief
@@ -257,22 +227,22 @@ def posterior(evidence: Evidence, fit: Fit, which: int = 0) -> Belief:
 
 
 def arm_as_found(
-    model: RobotModel, recordings: Sequence[tuple[Evidence, Supposed]]
+    model: RobotModel, recordings: Sequence[ExplainedRecording]
 ) -> tuple[RobotModel, tuple[CarriedBody, ...]]:
     """Return a robot with what explains its recordings, and the bodies that are part of its masses now.
 
     Args:
         model: The robot as its file has it.
-        found: Each recording's evidence, and what it supposes. A drive is taken from any of them; a body only where all
-            carry one on the same link, as masses would be those of one recording otherwise.
+        recordings: A drive is taken from any of them; a body only where all carry one on the same link, as masses would
+            be those of one recording otherwise.
     """
-    drives = dict.fromkeys(drive for _, supposed in recordings for drive in supposed.shared)
+    drives = dict.fromkeys(drive for one in recordings for drive in one.supposed.shared)
     for drive in drives:
         model = _with_shared_drive(model, *drive)
     bodies = list[CarriedBody]()
-    for link in recordings[0][1].loads if recordings else ():
-        if all(link in supposed.loads for _, supposed in recordings):
-            shown = [load_body(evidence, supposed, link) for evidence, supposed in recordings]
+    for link in recordings[0].supposed.loads if recordings else ():
+        if all(link in one.supposed.loads for one in recordings):
+            shown = [load_body(one.evidence, one.supposed, link) for one in recordings]
             body, std = np.mean([each for each, _ in shown], axis=0), max(std for _, std in shown)
             if body[0] > _LEAST_SIGMAS * std:
                 bodies.append(_carried_body(model, link, body))

@@ -66,7 +66,7 @@ class PossibleCause(NamedTuple):
     log_evidence: float  # under the trial's spread, integrated over the candidate's number
     says: str
     joints: tuple[int, ...] = ()
-    remedy: str = ""  # {rates:...} marks options that apply if velocities were recorded
+    remedy: str = ""  # its absence makes a note; {rates:...} marks options that apply if velocities were recorded
     error: float = 0.0  # relative error of the number, or degrees over 90; above a tenth no remedy is advised
 
 
@@ -77,9 +77,7 @@ class Hypothesis:
     Args:
         finding: Name in `FINDINGS` under which it is reported.
         price: Function from the number of joints to the price of each candidate [nats].
-        of_arm: It is a property of the arm, reported as a note and not as a fault of the data.
         by_masses: It can be detected only with known masses, from a file or identified.
-        mended: A remedy can correct it, so that it is a finding; otherwise it is a note.
         by_identification: It applies only to an identified arm.
     """
 
@@ -87,9 +85,7 @@ class Hypothesis:
     finding: str
     price: Callable[[int], float]
     candidates: Callable[[Trial], Iterator[PossibleCause]]
-    of_arm: bool = False
     by_masses: bool = False
-    mended: bool = True
     by_identification: bool = False
 
 
@@ -139,6 +135,18 @@ def _scales(trial: Trial, factors: Floats) -> str:
     return " ".join(f"--scale tau:{name}={1.0 / factor:.4g}" for name, factor in pairs if factor != 1.0)
 
 
+def _gained(trial: Trial, joints: tuple[int, ...], grid: Floats, prior: _Density, whose: str) -> PossibleCause:
+    """Return the best gain of joints' torques, its logarithm searched, as a cause."""
+    only = np.isin(range(trial.n), joints)
+
+    def factors(u: float) -> Floats:
+        return np.exp(u * only)
+
+    u, value, std = _integrated(lambda u: trial.log(trial.scaled(factors(u))), grid, prior)
+    says = f"{whose} {np.exp(u):.3g} (standard deviation {np.exp(u) * std:.2g}) times the arm's"
+    return PossibleCause(trial.scaled(factors(u)), value, says, joints, _scales(trial, factors(u)), std)
+
+
 _OTHER_LINK_PRICE = 3.0  # its log times the number of links is the price of a load that is not on the tip's link
 _LOG_GAINS = np.array([-2.4, -1.2, -0.6, -0.2, 0.0, 0.2, 0.6, 1.2, 2.4])
 
@@ -154,15 +162,9 @@ def _load(trial: Trial) -> Iterator[PossibleCause]:
 
 
 def _gain(trial: Trial) -> Iterator[PossibleCause]:
-    for name, only in zip(trial.names, np.eye(trial.n), strict=True):
-
-        def put(u: float, only: Floats = only) -> Supposed:
-            return trial.scaled(np.exp(u * only))
-
-        u, value, std = _integrated(lambda u: trial.log(put(u)), _LOG_GAINS, _either(_normal(0.15), _normal(1.2)))
-        factor = float(np.exp(u))
-        says = f"torques of {name} are {factor:.3g} (standard deviation {factor * std:.2g}) times the arm's"
-        yield PossibleCause(put(u), value, says, (int(np.argmax(only)),), _scales(trial, np.exp(u * only)), std)
+    prior = _either(_normal(0.15), _normal(1.2))
+    for i, name in enumerate(trial.names):
+        yield _gained(trial, (i,), _LOG_GAINS, prior, f"torques of {name} are")
 
 
 _FLIPS = {  # fields with the other sign: report, and remedy
@@ -209,57 +211,54 @@ def _zero(trial: Trial) -> Iterator[PossibleCause]:
 _FRICTION_SHARE = 0.3  # prior standard deviation of a change of friction, as a share of a joint's torque
 _CHANGE_SHARES = np.linspace(0.15, 0.85, 15)  # shares of the recording at which a change is tried
 _MEAN = ": what is printed is a mean of before and after"
+_DIFFERENCES = {  # from the arm as identified, by the shape of the torque that is added
+    "zero": "the constant of {name} is {amount} from the one identified",
+    "friction": "friction of {name} differs by {amount} in the mean from the one identified",
+}
+_CHANGES = {  # during a recording
+    "zero": "the zero of the torque of {name} leaps by {amount} at about {after:.3g} s",
+    "drift": "the zero of the torque of {name} drifts by {amount} along the recording",
+    "load": "the load on {tip} changes at about {after:.3g} s",
+}
 
 
 def _added(trial: Trial, one: Added, says: str) -> PossibleCause:
     """Return an added torque as a cause, reported with joint, amount and time."""
-    supposed = replace(trial.supposed, added=(*trial.supposed.added, one))
-    fit, i = trial.evidence.fit(supposed, trial.which), one.joint
+    supposed, i = replace(trial.supposed, added=(*trial.supposed.added, one)), one.joint
+    fit, name, amount = trial.evidence.fit(supposed, trial.which), "", ""
     if i >= 0:
         torque = trial.evidence.added(fit, one)[:, i]
         if one.shape == "friction":
             torque = torque * np.sign(trial.evidence.rows.motion(supposed)[1][:, i])
-        amount = torque[-1] if one.shape == "drift" else torque[torque != 0.0].mean()
-        unit = TORQUE_UNIT[trial.evidence.model.joint_units[i]]
-        says = says.format(name=trial.names[i], amount=f"{amount:+.2g} {unit}", after=one.after)
-    return PossibleCause(supposed, fit.log_evidence, says.format(after=one.after), (i,) if i >= 0 else ())
+        mean = torque[-1] if one.shape == "drift" else torque[torque != 0.0].mean()
+        name, amount = trial.names[i], f"{mean:+.2g} {TORQUE_UNIT[trial.evidence.model.joint_units[i]]}"
+    says = says.format(name=name, amount=amount, after=one.after, tip=trial.evidence.model.tip)
+    return PossibleCause(supposed, fit.log_evidence, says, (i,) if i >= 0 else ())
 
 
-def _torque_zero(trial: Trial) -> Iterator[PossibleCause]:
-    for i, size in enumerate(trial.evidence.rows.size):
-        if (one := Added("zero", i, (float(size),))) not in trial.supposed.added:
-            yield _added(trial, one, "the constant of {name} is {amount} from the one identified")
-
-
-def _friction(trial: Trial) -> Iterator[PossibleCause]:
+def _differs(trial: Trial, shape: str) -> Iterator[PossibleCause]:
+    """Yield another zero of torque, or friction, of each joint than was identified."""
     speed = np.sqrt(np.mean(trial.evidence.rows.motion(trial.supposed)[1] ** 2, axis=0))
-    for i, size in enumerate(_FRICTION_SHARE * trial.evidence.rows.size):
-        one = Added("friction", i, (float(size), float(size / max(speed[i], 1e-9))))
-        if speed[i] > 0.0 and one not in trial.supposed.added:
-            yield _added(trial, one, "friction of {name} differs by {amount} in the mean from the one identified")
+    for i, size in enumerate(trial.evidence.rows.size.tolist()):
+        rubs = _FRICTION_SHARE * size
+        one = Added(shape, i, (size,) if shape == "zero" else (rubs, rubs / max(float(speed[i]), 1e-9)))
+        if one not in trial.supposed.added and (speed[i] > 0.0 or shape == "zero"):
+            yield _added(trial, one, _DIFFERENCES[shape])
 
 
-def _changes(trial: Trial, shape: str, sizes: Sequence[tuple[float, ...]], says: str) -> Iterator[PossibleCause]:
-    """Yield the best change along a recording, estimated from one fit without it; sizes are of joints or the load."""
-    evidence, time = trial.evidence, trial.evidence.rows.samples.time
-    if evidence.rows.still or any(one.shape == shape for one in trial.supposed.added):
+def _changes(trial: Trial, shape: str) -> Iterator[PossibleCause]:
+    """Yield the best change along a recording, of a joint or the load on the tip, estimated from one fit without it."""
+    evidence, belief, time = trial.evidence, trial.evidence.belief, trial.evidence.rows.samples.time
+    sizes = {i: (size,) for i, size in enumerate(evidence.rows.size.tolist())}
+    if shape == "load":
+        carried = evidence.model.frame().link in belief.links
+        sizes = {-1: tuple(np.diag(belief.load).tolist())} if carried else {}
+    if evidence.rows.still or not sizes or any(one.shape == shape for one in trial.supposed.added):
         return
     times = [None] if shape == "drift" else [float(time[0] + share * np.ptp(time)) for share in _CHANGE_SHARES]
-    joints = [-1] if shape == "load" else range(trial.n)
-    tried = [Added(shape, i, size, after) for i, size in zip(joints, sizes, strict=True) for after in times]
-    look = evidence.looked(trial.supposed, trial.which)
-    cause = _added(trial, max(tried, key=look), f"{says}{_MEAN}")
+    tried = [Added(shape, i, size, after) for i, size in sizes.items() for after in times]
+    cause = _added(trial, max(tried, key=evidence.looked(trial.supposed, trial.which)), _CHANGES[shape] + _MEAN)
     yield cause._replace(log_evidence=cause.log_evidence - float(np.log(len(tried))))
-
-
-def _leap(trial: Trial) -> Iterator[PossibleCause]:
-    sizes = [(float(size),) for size in trial.evidence.rows.size]
-    return _changes(trial, "zero", sizes, "the zero of the torque of {name} leaps by {amount} at about {after:.3g} s")
-
-
-def _drift(trial: Trial) -> Iterator[PossibleCause]:
-    sizes = [(float(size),) for size in trial.evidence.rows.size]
-    return _changes(trial, "drift", sizes, "the zero of the torque of {name} drifts by {amount} along the recording")
 
 
 def _turn(trial: Trial) -> Iterator[PossibleCause]:
@@ -277,13 +276,6 @@ def _turn(trial: Trial) -> Iterator[PossibleCause]:
         says = f"the sign of the torque of {trial.names[joint]} turns at about {after:.3g} s{_MEAN}"
         supposed = replace(trial.supposed, turned=((joint, after),))
         yield PossibleCause(supposed, value - float(np.log(trial.n * len(_CHANGE_SHARES))), says, (joint,))
-
-
-def _taken_up(trial: Trial) -> Iterator[PossibleCause]:
-    belief, model = trial.evidence.belief, trial.evidence.model
-    if model.frame().link in belief.links:
-        size = tuple(np.diag(belief.load).tolist())
-        yield from _changes(trial, "load", [size], f"the load on {model.tip} changes at about {{after:.3g}} s")
 
 
 def _all_signs(trial: Trial) -> Iterator[PossibleCause]:
@@ -306,13 +298,10 @@ def _in_unit(trial: Trial, unit: str, factors: Floats) -> PossibleCause:
 
 
 def _common_gain(trial: Trial) -> Iterator[PossibleCause]:
-    one, prior = np.ones(trial.n), _either(_normal(0.1), _normal(3.0))
-    u, value, std = _integrated(lambda u: trial.log(trial.scaled(np.exp(u * one))), _COMMON_GAINS, prior)
-    g = float(np.exp(u))
-    says = f"all torques are {g:.3g} (standard deviation {g * std:.2g}) times the arm's"
-    remedy, error = (_scales(trial, g * one), std) if std < UNSURE else (_FROM_CURRENTS, 0.0)
-    yield PossibleCause(trial.scaled(g * one), value, says, tuple(range(trial.n)), remedy, error)
-    yield from (_in_unit(trial, unit, g * one) for unit, g in _UNITS.items())
+    every, prior = tuple(range(trial.n)), _either(_normal(0.1), _normal(3.0))
+    common = _gained(trial, every, _COMMON_GAINS, prior, "all torques are")
+    yield common if common.error < UNSURE else common._replace(remedy=_FROM_CURRENTS, error=0.0)
+    yield from (_in_unit(trial, unit, np.full(trial.n, g)) for unit, g in _UNITS.items())
 
 
 _CURRENT_SWEEPS, _PERCENT = 3, 100.0
@@ -450,30 +439,30 @@ _LEAST_DELAY_S = 0.012  # intervals of real arms' delays contain zero, and are a
 
 
 def _delay(trial: Trial) -> Iterator[PossibleCause]:
-    step = trial.evidence.rows.step
-    grid = _DELAYS_S[(np.abs(_DELAYS_S) >= step) | (_DELAYS_S == 0.0)]
+    step, late, every = trial.evidence.rows.step, trial.supposed.late, tuple(range(trial.n))
 
-    def put(u: float, whose: Floats) -> Supposed:
-        return replace(trial.supposed, late_s=tuple(np.array(trial.supposed.late_s) + u * whose))
+    def put(rows: int, joints: tuple[int, ...]) -> Supposed:
+        return replace(trial.supposed, late=tuple(had + rows * (i in joints) for i, had in enumerate(late)))
 
-    def log(u: float, whose: Floats) -> float:
-        return trial.log(put(u, whose)) + _normal(_DELAY_STD_S)(u)
+    def tried(delays: Floats, joints: tuple[int, ...]) -> list[tuple[float, int, tuple[int, ...]]]:
+        """Return the log evidence, the rows and the joints of delays [s], each of whole rows once."""
+        whole = np.unique(np.rint(delays / step)).astype(int).tolist()
+        return [(trial.log(put(rows, joints)) + _normal(_DELAY_STD_S)(rows * step), rows, joints) for rows in whole]
 
-    every = np.ones(trial.n)
-    of_joints = [(log(u, only), u, only) for only in np.eye(trial.n) for u in _DELAYS_OF_JOINT_S]
-    of_all = max((log(u, every), u) for u in grid)
-    _, u, only = max(of_joints, key=lambda each: each[0])
-    for best, whose, less in ((of_all[1], every, 0.0), (u, only, float(np.log(2.0 * trial.n)))):
-        fine = best + np.linspace(-0.5, 0.5, 9) * max(abs(best), 4.0 * step)
-        values = np.array([log(u, whose) for u in fine])
-        u = round(float(fine[int(np.argmax(values))]) / step) * step
-        if abs(u) >= _LEAST_DELAY_S:
-            joints = () if less == 0.0 else (int(np.argmax(whose)),)
-            whose_text = f"torques of {trial.names[joints[0]]}" if joints else "torques"
-            late = "late" if u > 0.0 else "early"
-            says = f"{whose_text} come {abs(u) * 1e3:.0f} ms too {late} for the motion: what is printed is off"
-            value = float(np.logaddexp.reduce(values) + np.log(fine[1] - fine[0])) - less
-            yield PossibleCause(put(u, whose), value, says, joints)
+    of_joints = [one for i in every for one in tried(_DELAYS_OF_JOINT_S, (i,))]
+    for (_, rows, whose), price in (
+        (max(tried(_DELAYS_S, every)), 0.0),
+        (max(of_joints), float(np.log(2.0 * trial.n))),
+    ):
+        fine = tried(step * (rows + np.linspace(-0.5, 0.5, 9) * max(abs(rows), 4)), whose)
+        late_s = max(fine)[1] * step
+        if abs(late_s) >= _LEAST_DELAY_S:
+            text = "torques" if whose == every else f"torques of {trial.names[whose[0]]}"
+            way = "late" if late_s > 0.0 else "early"
+            says = f"{text} come {abs(late_s) * 1e3:.0f} ms too {way} for the motion: what is printed is off"
+            spacing = step * (fine[-1][1] - fine[0][1]) / (len(fine) - 1)
+            value = float(np.logaddexp.reduce([log for log, _, _ in fine]) + np.log(spacing)) - price
+            yield PossibleCause(put(max(fine)[1], whose), value, says, () if whose == every else whose)
 
 
 def _velocities(trial: Trial, mended: bool) -> Iterator[PossibleCause]:
@@ -494,27 +483,27 @@ def _of_joint(n: int) -> float:
 
 
 _ALL = (
-    Hypothesis("load", "arm", lambda n: 1.0, _load, of_arm=True, by_masses=True),
+    Hypothesis("load", "arm", lambda n: 1.0, _load, by_masses=True),
     Hypothesis("gain", "torques", _of_joint, _gain, by_masses=True),
     Hypothesis("sign", "sign", lambda n: _of_joint(n) + 0.7, lambda t: _flipped(t, "gains")),
     Hypothesis("position sign", "sign", lambda n: _of_joint(n) + 2.0, lambda t: _flipped(t, "signs")),
     Hypothesis("backwards", "sign", _of_joint, lambda t: _flipped(t, "signs", "gains")),
     Hypothesis("zero", "offset", _of_joint, _zero),
-    Hypothesis("torque zero", "offset", _of_joint, _torque_zero, by_identification=True, mended=False),
-    Hypothesis("friction", "friction", _of_joint, _friction, by_identification=True, mended=False),
-    Hypothesis("zero leaps", "jump", lambda n: 1.0, _leap, mended=False),
-    Hypothesis("sign turns", "jump", lambda n: 1.0, _turn, mended=False),
-    Hypothesis("load changes", "jump", lambda n: 1.0, _taken_up, mended=False),
-    Hypothesis("zero drifts", "drift", lambda n: 1.0, _drift, mended=False),
+    Hypothesis("torque zero", "offset", _of_joint, lambda t: _differs(t, "zero"), by_identification=True),
+    Hypothesis("friction", "friction", _of_joint, lambda t: _differs(t, "friction"), by_identification=True),
+    Hypothesis("zero leaps", "jump", lambda n: 1.0, lambda t: _changes(t, "zero")),
+    Hypothesis("sign turns", "jump", lambda n: 1.0, _turn),
+    Hypothesis("load changes", "jump", lambda n: 1.0, lambda t: _changes(t, "load")),
+    Hypothesis("zero drifts", "drift", lambda n: 1.0, lambda t: _changes(t, "drift")),
     Hypothesis("all signs", "sign", lambda n: 2.5, _all_signs),
     Hypothesis("common gain", "torques", lambda n: 1.5, _common_gain, by_masses=True),
     Hypothesis("currents", "torques", lambda n: 2.5, _currents, by_masses=True),
     Hypothesis("no gravity", "gravity", lambda n: 3.0, _no_gravity, by_masses=True),
     Hypothesis("tilt", "gravity", lambda n: 1.5, _tilt, by_masses=True),
     Hypothesis("swapped", "swapped", lambda n: float(np.log(2.0 * n * (n - 1.0))) + 1.0, _swapped),
-    Hypothesis("shared drive", "arm", lambda n: float(np.log(4.0 * n)), _shared_drive, of_arm=True),
-    Hypothesis("delay", "delay", lambda n: 1.5, _delay, mended=False),
+    Hypothesis("shared drive", "arm", lambda n: float(np.log(4.0 * n)), _shared_drive),
+    Hypothesis("delay", "delay", lambda n: 1.5, _delay),
     Hypothesis("velocities", "velocities", lambda n: 0.0, lambda t: _velocities(t, True)),
-    Hypothesis("late velocities", "velocities", lambda n: 0.0, lambda t: _velocities(t, False), mended=False),
+    Hypothesis("late velocities", "velocities", lambda n: 0.0, lambda t: _velocities(t, False)),
 )
 HYPOTHESES = {hypothesis.name: hypothesis for hypothesis in _ALL}

@@ -6,7 +6,7 @@ as well: the result is the mean over all, by how likely they are [Hoeting, Madig
 model averaging: a tutorial]. All kinds at once would widen the interval for nothing.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from catenary.arrays import Floats
-from catenary.gravity.load_location import load_of_any_size, log_evidence, mixed
+from catenary.gravity.load_location import load_of_any_size, mixed
 from catenary.identification.explanations.evidence import Evidence, Extra, Fit
 from catenary.identification.explanations.findings import posterior
 from catenary.identification.explanations.priors import Belief
@@ -38,61 +38,55 @@ class Difference(NamedTuple):
 
     says: str
     price: float  # [nats]
-    columns: Callable[["Recording", Floats], list[Extra]]  # from a recording and the parameters that explain it
+    columns: Callable[[Evidence, Floats], list[Extra]]  # from a recording and the parameters that explain it
 
 
-class Recording:
-    """One recording of the arm."""
-
-    def __init__(self, evidence: Evidence) -> None:
-        self.evidence, samples = evidence, evidence.rows.samples
-        rows, plain = evidence.rows, evidence.plain
-        self.X = evidence.columns(plain)[0]
-        self.turned = list[Floats]()  # (N, n, r) change of the links' columns by a radian, about two level axes
-        down = np.array(samples.gravity, dtype=float)
-        if down.ndim == 1 and down.any():
-            across = np.linalg.svd(down[None])[2][1:] * np.linalg.norm(down)
-            own = rows.links(plain)
-            tilted = (rows.links(replace(plain, gravity=tuple(down + way))) for way in across)
-            self.turned = [(columns - own) @ rows.shown for columns in tilted]
-
-    def gain(self, beta: Floats, joint: int | None = None) -> list[Extra]:
-        """Return the torques of parameters, of one joint or of all."""
-        torque = self.X @ beta
-        return [Extra(torque, 0.0, _GAIN_STD) if joint is None else _alone(torque, joint, _GAIN_STD)]
-
-    def zeros(self, beta: Floats, joints: Sequence[int]) -> list[Extra]:
-        """Return constant torques of joints."""
-        size = self.evidence.rows.size
-        return [_alone(np.ones(self.X.shape[:2]), j, _ZERO_SHARE * size[j]) for j in joints]
-
-    def friction(self, beta: Floats) -> list[Extra]:
-        """Return friction of every joint."""
-        L, terms = self.evidence.shown, self.evidence.rows.parameters.actuation
-        rubs = [L + k for k, term in enumerate(terms) if term.friction is not None and not term.friction.at_rest]
-        torque = self.X[:, :, rubs] @ beta[rubs]
-        return [_alone(torque, j, _FRICTION_STD) for j in range(torque.shape[1]) if torque[:, j].any()]
-
-    def tilt(self, beta: Floats) -> list[Extra]:
-        """Return the change of torques by turning the base, about two axes."""
-        return [Extra(dX @ beta[: self.evidence.shown], 0.0, _TILT_STD_RAD) for dX in self.turned]
+def _gain(evidence: Evidence, beta: Floats) -> list[Extra]:
+    return [Extra(evidence.columns(evidence.plain)[0] @ beta, 0.0, _GAIN_STD)]
 
 
-def _alone(torque: Floats, joint: int, std: float) -> Extra:
-    return Extra(np.where(np.arange(torque.shape[1]) == joint, torque, 0.0), 0.0, std)
+def _gain_of(evidence: Evidence, beta: Floats, joint: int) -> list[Extra]:
+    return _alone(evidence.columns(evidence.plain)[0] @ beta, [joint], _GAIN_STD)
 
 
-def differences(names: Sequence[str]) -> Iterator[Difference]:
-    """Yield what may differ, nothing first."""
-    of_joint = float(np.log(len(names)))
-    yield Difference("", 0.0, lambda recording, beta: [])
-    yield Difference("all torques times a gain", 0.0, Recording.gain)
-    yield Difference("a tilt of the base", 0.0, Recording.tilt)
-    yield Difference("friction", 0.0, Recording.friction)
-    yield Difference("zeros of torque", 0.0, partial(Recording.zeros, joints=range(len(names))))
-    for j, name in enumerate(names):
-        yield Difference(f"{name}'s torque times a gain", of_joint, partial(Recording.gain, joint=j))
-        yield Difference(f"{name}'s zero of torque", of_joint, partial(Recording.zeros, joints=(j,)))
+def _zeros(evidence: Evidence, beta: Floats, joints: Sequence[int]) -> list[Extra]:
+    return _alone(np.broadcast_to(evidence.rows.size, evidence.rows.known.shape), joints, _ZERO_SHARE)
+
+
+def _friction(evidence: Evidence, beta: Floats) -> list[Extra]:
+    L, terms = evidence.shown, evidence.rows.parameters.actuation
+    rubs = [L + k for k, term in enumerate(terms) if term.friction is not None and not term.friction.at_rest]
+    torque = evidence.columns(evidence.plain)[0][:, :, rubs] @ beta[rubs]
+    return _alone(torque, np.flatnonzero(torque.any(axis=0)).tolist(), _FRICTION_STD)
+
+
+def _tilt(evidence: Evidence, beta: Floats) -> list[Extra]:
+    """Return the change of torques by turning the base by a radian, about two level axes."""
+    plain, down = evidence.plain, np.array(evidence.rows.samples.gravity)
+    if down.ndim == 2 or not down.any():
+        return []
+    across, own = np.linalg.svd(down[None])[2][1:] * np.linalg.norm(down), evidence.columns(plain)[0]
+    tilted = (evidence.columns(replace(plain, gravity=tuple(down + way)))[0] for way in across)
+    return [Extra((columns - own) @ beta, 0.0, _TILT_STD_RAD) for columns in tilted]
+
+
+def _alone(torque: Floats, joints: Sequence[int], std: float) -> list[Extra]:
+    own = np.eye(torque.shape[1])
+    return [Extra(torque * own[j], 0.0, std) for j in joints]
+
+
+def differences(names: Sequence[str]) -> tuple[Difference, ...]:
+    """Return the differences that are weighed, none first."""
+    of_joint, every = float(np.log(len(names))), range(len(names))
+    return (
+        Difference("", 0.0, lambda evidence, beta: []),
+        Difference("all torques times a gain", 0.0, _gain),
+        Difference("a tilt of the base", 0.0, _tilt),
+        Difference("friction", 0.0, _friction),
+        Difference("zeros of torque", 0.0, partial(_zeros, joints=every)),
+        *(Difference(f"{names[j]}'s torque times a gain", of_joint, partial(_gain_of, joint=j)) for j in every),
+        *(Difference(f"{names[j]}'s zero of torque", of_joint, partial(_zeros, joints=[j])) for j in every),
+    )
 
 
 class Load(NamedTuple):
@@ -104,14 +98,14 @@ class Load(NamedTuple):
     without: Floats  # the same without a load
     mean: Floats  # (10,) of its parameters
     covariance: Floats
+    place: int = 0  # which of several places it was supposed on
+    share: float = 1.0  # probability that it is there, if there is a load
 
 
 class Loads(NamedTuple):
     """Loads on several links, each of which may carry the one that there is."""
 
     each: tuple[Load, ...]  # likeliest first
-    shares: tuple[float, ...]  # probability of each, if there is a load
-    order: tuple[int, ...]  # which of the places each is on
     sure: float  # probability that there is one
 
     @property
@@ -137,73 +131,76 @@ def weigh_loads(
         unloaded: Recordings of the same day without it.
     """
     with threadpool_limits(limits=1):  # matrices are small: BLAS threads would only wait for each other
-        recordings, empty = ([Recording(part) for part in parts] for parts in (loaded, unloaded))
         start = loaded[0].belief
         # without recordings of the day nothing but the load tells links apart
-        bare = None if empty else [_chain(recordings, start, kind)[0] for kind in others]
-        loads = [_weighed(recordings, empty, others, bare, *place) for place in places]
+        bare = None if unloaded else [_chain(loaded, start, kind)[0] for kind in others]
+        loads = [_weighed(loaded, unloaded, others, bare, *place) for place in places]
     evidence = np.array([np.logaddexp.reduce(load.logs) for load in loads]) - _LOAD_PRICE
-    nothing = float(np.logaddexp.reduce([np.logaddexp.reduce(load.without) for load in loads]))
-    some = float(np.logaddexp.reduce(evidence))
-    shares = np.exp(evidence - some)
-    order = sorted(range(len(loads)), key=lambda k: -shares[k])
-    sure = float(np.exp(some - np.logaddexp(some, nothing)))
-    return Loads(tuple(loads[k] for k in order), tuple(float(shares[k]) for k in order), tuple(order), sure)
+    nothing = np.logaddexp.reduce([np.logaddexp.reduce(load.without) for load in loads])
+    some = np.logaddexp.reduce(evidence)
+    shares = np.exp(evidence - some).tolist()
+    each = [load._replace(place=k, share=share) for k, (load, share) in enumerate(zip(loads, shares, strict=True))]
+    each.sort(key=lambda load: -load.share)
+    return Loads(tuple(each), float(np.exp(some - np.logaddexp(some, nothing))))
 
 
 def _weighed(
-    loaded: Sequence[Recording],
-    unloaded: Sequence[Recording],
+    loaded: Sequence[Evidence],
+    unloaded: Sequence[Evidence],
     others: Sequence[Difference],
     bare: Sequence[float] | None,
     link: int,
     place: Floats | None,
 ) -> Load:
     """Weigh a load on a link, beside everything that may differ; `bare` is the log evidence of none, if known."""
-    start = loaded[0].evidence.belief
+    start = loaded[0].belief
     load = start.load if place is None else start.load_mass * point_mass(place)[:, None]
-    reach = start.reaches[start.links.index(link)]
-    with_load, without, of_sizes = np.zeros((3, len(others)))
-    free, bodies = list[tuple[Floats, Floats]](), list[tuple[Floats, Floats]]()
+    with_load, without, bare_load = np.zeros((3, len(others)))
+    shown, bodies = list[tuple[Floats, Floats]](), list[tuple[Floats, Floats]]()
     for k, kind in enumerate(others):
-        before, day = 0.0, start
+        before, day = -kind.price, start
         if unloaded:
-            before, _, day = _chain(unloaded, start.carrying(link, load), kind)
+            value, _, day = _chain(unloaded, start.carrying(link, load), kind)
+            before += value
         carrying = day.carrying(link, load)
-        none = _chain(loaded, day, kind)[0] if bare is None else bare[k]
+        without[k] = before + (_chain(loaded, day, kind)[0] if bare is None else bare[k])
         some, fit, _ = _chain(loaded, carrying, kind)
-        u, covariance = loaded[0].evidence.believing(carrying).body(link, load, fit)
-        of_sizes[k], mean, spread = load_of_any_size(u, covariance)
-        free.append((u, covariance))
+        u, covariance = loaded[0].believing(carrying).body(link, load, fit)
+        precision = np.linalg.inv(covariance)
+        shown.append((precision - np.eye(len(u)), precision @ u))
+        as_large = 0.5 * float(u @ precision @ u) - 0.5 * float(np.linalg.slogdet(precision)[1])
+        weighed, mean, spread = load_of_any_size(*shown[k])
         bodies.append((load @ mean, load @ spread @ load.T))
-        with_load[k], without[k] = before + some + of_sizes[k] - kind.price, before + none - kind.price
+        bare_load[k] = before + some - as_large
+        with_load[k] = bare_load[k] + weighed
     if place is None:  # any body, or one that is small beside its distance, each as likely
         with_load -= np.log(2.0)
+        reach = start.reaches[start.links.index(link)]
         for k in map(int, np.flatnonzero(with_load > with_load.max() - _WEIGHED_NATS)):
-            value, *point = _point(load, *free[k], reach)
-            value += with_load[k] - of_sizes[k]
-            either = np.logaddexp(with_load[k], value)
+            value, *point = _point(load, *shown[k], reach)
+            logs = np.array([with_load[k], bare_load[k] + value - np.log(2.0)])
+            with_load[k] = np.logaddexp.reduce(logs)
             means, covariances = (np.array(pair) for pair in zip(bodies[k], point, strict=True))
-            bodies[k] = mixed(np.exp(np.array([with_load[k], value]) - either), means, covariances)
-            with_load[k] = either
+            bodies[k] = mixed(np.exp(logs - with_load[k]), means, covariances)
     share = np.exp(with_load - np.logaddexp.reduce(with_load))
     means, covariances = (np.array(values) for values in zip(*bodies, strict=True))
     return Load(link, load, with_load, without, *mixed(share, means, covariances))
 
 
-def _point(load: Floats, u: Floats, covariance: Floats, reach: float) -> tuple[float, Floats, Floats]:
-    """Return the log evidence ratio of a point mass against a free body, and the point mass's parameters.
+def _point(load: Floats, information: Floats, score: Floats, reach: float) -> tuple[float, Floats, Floats]:
+    """Return the log evidence ratio of a point mass against no load, and the point mass's parameters.
 
-    u (10,) are the numbers of the free body, load (10, 10) diagonal times them its parameters. Beforehand the logarithm
-    of the mass is uniform, the place normal with a deviation of the reach [m]; integrated by Laplace's method.
+    information (10, 10) and score (10,) are of a free body's numbers, load (10, 10) diagonal times them its parameters.
+    Beforehand the logarithm of the mass is uniform, the place normal with a deviation of the reach [m]; integrated by
+    Laplace's method.
     """
     from scipy.optimize import least_squares
 
-    sizes, precision = np.diag(load), np.linalg.inv(covariance)
-    values, vectors = np.linalg.eigh(precision - np.eye(len(u)))
+    sizes, (values, vectors) = np.diag(load), np.linalg.eigh(information)
     shown = values > 1e-9 * values[-1]
-    R = np.sqrt(values[shown])[:, None] * vectors[:, shown].T  # of the recordings' own likelihood of u
-    z = (vectors[:, shown].T @ precision @ u) / np.sqrt(values[shown])
+    R = np.sqrt(values[shown])[:, None] * vectors[:, shown].T  # of the recordings' own likelihood of the numbers
+    z = (vectors[:, shown].T @ score) / np.sqrt(values[shown])
+    u = np.linalg.solve(information + np.eye(len(score)), score)
     low, high = (float(np.log(times * sizes[0])) for times in _POINT_MASSES)
 
     def body(x: Floats) -> Floats:
@@ -222,16 +219,15 @@ def _point(load: Floats, u: Floats, covariance: Floats, reach: float) -> tuple[f
     ways = np.column_stack([(body(best.x + step) - body(best.x - step)) / 2e-5 for step in 1e-5 * np.eye(4)])
     point = -float(best.cost) + 0.5 * float(z @ z) - 0.5 * float(np.linalg.slogdet(H)[1])
     point += 0.5 * float(np.log(2.0 * np.pi)) - float(np.log(high - low))
-    as_free = float(log_evidence((precision - np.eye(len(u)))[None], (precision @ u)[None])[0])
-    return point - as_free, body(best.x), ways @ np.linalg.solve(H, ways.T)
+    return point, body(best.x), ways @ np.linalg.solve(H, ways.T)
 
 
-def _chain(recordings: Sequence[Recording], belief: Belief, kind: Difference) -> tuple[float, Fit, Belief]:
+def _chain(recordings: Sequence[Evidence], belief: Belief, kind: Difference) -> tuple[float, Fit, Belief]:
     """Return the log evidence of recordings one after the other, the last fit, and what is believed of the arm then."""
     total = 0.0
-    for of in recordings:
-        evidence = of.evidence.believing(belief)
-        extra = kind.columns(of, evidence.fit(evidence.plain, 0).beta)
+    for recording in recordings:
+        evidence = recording.believing(belief)
+        extra = kind.columns(evidence, evidence.fit(evidence.plain, 0).beta)
         fit = evidence.fit(evidence.plain, 0, extra)
         total += fit.log_evidence
         belief = posterior(evidence, fit)

@@ -28,7 +28,6 @@ class Belief:
     mean: Floats  # (k,)
     covariances: tuple[Floats, ...]  # (k, k) each
     log_weights: tuple[float, ...]
-    middle: int  # which of them searches begin with
     knows_masses: bool
     links: tuple[int, ...]
     mass: float  # of all links [kg]
@@ -54,7 +53,7 @@ class Belief:
     def after(self, mean: Floats, covariance: Floats) -> "Belief":
         """Return the belief after a recording: links and the file's actuation."""
         mass = float(mean[: PER_LINK * len(self.links) : PER_LINK].sum())
-        return Belief(mean, (covariance,), (0.0,), 0, True, self.links, mass, self.reaches)
+        return Belief(mean, (covariance,), (0.0,), True, self.links, mass, self.reaches)
 
     @property
     def load(self) -> Floats:
@@ -78,7 +77,6 @@ def belief_of_file(model: RobotModel) -> Belief:
         phi.ravel() * knows,
         tuple(mass_covariance(known, s, common, knows=knows) for s, common, _ in spreads),
         tuple(float(np.log(weight)) for _, _, weight in spreads),
-        1,
         knows,
         links,
         float(phi[:, 0].sum()) if knows else 0.0,
@@ -91,7 +89,7 @@ def belief_of_known(model: RobotModel, error: float) -> Belief:
     file = belief_of_file(model)
     phi = file.mean.reshape(-1, PER_LINK)
     covariance = mass_covariance(phi, error / MASS_SHARE, 0.0)
-    return replace(file, covariances=(covariance,), log_weights=(0.0,), middle=0, identified=True)
+    return replace(file, covariances=(covariance,), log_weights=(0.0,), identified=True)
 
 
 def _reach(model: RobotModel, link: int) -> float:
@@ -117,17 +115,12 @@ def belief_of(result: Identification) -> Belief:
     gain = np.linalg.solve(B @ P @ B.T + result.covariance, B @ P).T
     mean = mean + gain @ (result.beta - B @ mean)
     C = P - gain @ B @ P
+    with np.errstate(invalid="ignore", divide="ignore"):  # RMS (n,) of the torques that were fitted
+        torque = np.mean([np.nan_to_num(part.rms / part.relative_rms) for part in result.training], axis=0)
     other = _OTHER_DAY_SHARE * np.abs(mean[count:])
     for k, term in enumerate(parameters.actuation):
         if term.kind == "offset":
-            other[k] += _OTHER_ZERO_SHARE * float(_torque_size(result) @ np.abs(term.combination))
+            other[k] += _OTHER_ZERO_SHARE * float(torque @ np.abs(term.combination))
     C[count:, count:] += np.diag(other**2)
     C = 0.5 * (C + C.T) + 1e-12 * np.diag(np.diag(P))
-    return Belief(mean, (C,), (0.0,), 0, True, file.links, float(mean[:count:PER_LINK].sum()), file.reaches, True)
-
-
-def _torque_size(result: Identification) -> Floats:
-    """Return the RMS (n,) of the torques that were fitted [Nm or N]."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        sizes = [np.nan_to_num(part.rms / part.relative_rms) for part in result.training]
-    return np.asarray(np.mean(sizes, axis=0))
+    return Belief(mean, (C,), (0.0,), True, file.links, float(mean[:count:PER_LINK].sum()), file.reaches, True)

@@ -13,12 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from catenary.arrays import Floats
-from catenary.dynamics.inverse_dynamics import BaseMotion
 from catenary.dynamics.torque_regressor import PER_LINK, torque_regressor
 from catenary.identification.base_parameters import Parameters, recorded_load
 from catenary.identification.identification import ROTOR_SHARE
 from catenary.identification.samples import Samples
-from catenary.identification.velocities import VelocityFault, velocity_faults
+from catenary.identification.velocities import VelocityFault
 from catenary.robots.model import RobotModel
 from catenary.spatial import STANDARD_GRAVITY
 
@@ -51,7 +50,7 @@ class Supposed:
     position_order: tuple[int, ...]  # column of the recording that holds each joint's position
     torque_order: tuple[int, ...]  # the same of its torque
     gains: tuple[float, ...]  # (n,) of recorded torques to true ones
-    late_s: tuple[float, ...]  # (n,) [s], delay of torques behind positions
+    late: tuple[int, ...]  # (n,) rows of the recording, delay of torques behind positions
     gravity: tuple[float, ...] | None = None  # (3,) [m/s2] in base axes; None: as stated or recorded
     loads: tuple[int, ...] = ()  # links that carry a body which the prior of masses lacks
     shared: tuple[tuple[int, int, float], ...] = ()  # joints on one drive, and the sign of the second
@@ -83,7 +82,7 @@ class Supposed:
 def nothing_supposed(n: int) -> Supposed:
     """Return that a recording of n joints is as it says."""
     order = tuple(range(n))
-    return Supposed((1.0,) * n, (0.0,) * n, order, order, (1.0,) * n, (0.0,) * n)
+    return Supposed((1.0,) * n, (0.0,) * n, order, order, (1.0,) * n, (0,) * n)
 
 
 class Beside(NamedTuple):
@@ -111,8 +110,9 @@ class Rows:
         ends = 0.0 if self.still else _ENDS_SHARE
         first, last = ends * (total - 1), (1.0 - ends) * (total - 1)
         self.at = np.unique(np.linspace(first, last, min(count, total)).astype(np.int64))
-        self.step = float(np.median(np.diff(samples.time)))
-        self.measured, self.known = samples.tau + samples.known, samples.known[self.at]
+        self.step = float(np.median(np.diff(samples.time))) if total > 1 else 1.0
+        self.few = samples.rows(np.isin(np.arange(total), self.at), samples.name)
+        self.measured, self.known = samples.tau + samples.known, self.few.known
         size = np.sqrt(np.mean(self.measured[self.at] ** 2, axis=0))
         self.size = np.maximum(size, _LEAST_TORQUE * max(float(size.max()), 1e-12))  # (n,) [Nm or N]
         self.parameters = Parameters(model, "static" if self.still else "full")
@@ -126,10 +126,7 @@ class Rows:
     @cached_property
     def velocity_faults(self) -> list[VelocityFault]:
         """What is likelier than sound velocities."""
-        if (derived := self.samples.derived) is None:
-            return []
-        faults = velocity_faults(self.model, self.samples.qd, derived[:, 0], self.step)
-        return [fault for fault in faults if fault.gain > 0.0]
+        return self.samples.velocity_faults(self.model)
 
     @cached_property
     def shown(self) -> Floats:
@@ -148,28 +145,21 @@ class Rows:
     def motion(self, supposed: Supposed) -> tuple[Floats, Floats, Floats]:
         """Return the arm's positions, velocities and accelerations (N, n)."""
         order, sign = list(supposed.position_order), np.array(supposed.signs)
-        q, qd, qdd = (getattr(self.samples, key)[self.at][:, order] * sign for key in ("q", "qd", "qdd"))
-        if supposed.derived and self.samples.derived is not None:
-            joints = list(supposed.derived)
-            derived = self.samples.derived[self.at][:, :, order] * sign
+        q, qd, qdd = (values[:, order] * sign for values in (self.few.q, self.few.qd, self.few.qdd))
+        if supposed.derived and self.few.derived is not None:
+            joints, derived = list(supposed.derived), self.few.derived[:, :, order] * sign
             qd[:, joints], qdd[:, joints] = derived[:, 0, joints], derived[:, 1, joints]
         return q - np.array(supposed.zeros), qd, qdd
 
     def links(self, supposed: Supposed) -> Floats:
         """Return the columns (N, n, L) of the links' parameters."""
-        samples, base = self.samples, None
-        if samples.base is not None:
-            base = BaseMotion(samples.base[self.at, 0], samples.base[self.at, 1])
-        down = samples.gravity[self.at] if samples.holds_gravity else samples.gravity
+        *_, down, base = self.few.motion()
         gravity = down if supposed.gravity is None else np.array(supposed.gravity)
         return torque_regressor(self.model, *self.motion(supposed), gravity, base)[:, :, self._own]
 
     def torques(self, supposed: Supposed) -> Floats:
         """Return recorded torques (N, n) in the joints' order, a delay taken out."""
-        late = np.zeros(self.model.n, dtype=np.int64)
-        if any(supposed.late_s):
-            late = np.rint(np.array(supposed.late_s) / self.step).astype(np.int64)
-        at = np.clip(self.at[:, None] + late, 0, len(self.measured) - 1)
+        at = np.clip(self.at[:, None] + supposed.late, 0, len(self.measured) - 1)
         torque = self.measured[at, list(supposed.torque_order)]
         for joint, after in supposed.turned:
             torque[self.samples.time[self.at] > after, joint] *= -1.0
@@ -182,15 +172,14 @@ class Rows:
         key = supposed.signs, supposed.position_order, supposed.derived, supposed.zeros if self.has_springs else ()
         if key not in self._friction:
             order, sign = list(supposed.position_order), np.array(supposed.signs)
-            few = self.samples.rows(np.isin(np.arange(len(self.samples)), self.at), self.samples.name)
-            history, smooth = few.history, self.model.assumed_actuation.coulomb_velocity
+            history, smooth = self.few.history, self.model.assumed_actuation.coulomb_velocity
             if history is not None:
                 segments = [(q[:, order] * sign, qd[:, order] * sign, cut) for q, qd, cut in history.segments]
                 for q, qd, _ in segments:
                     qd[:, joints] = np.gradient(q[:, joints], self.step, axis=0)
                 history = replace(history, segments=tuple(segments))
             q, qd, qdd = self.motion(supposed)
-            few = replace(few, q=q, qd=qd, qdd=qdd, history=history)
+            few = replace(self.few, q=q, qd=qd, qdd=qdd, history=history)
             slow = max(smooth, min(_SLOW[unit] for unit in self.model.joint_units))
             loads = [recorded_load(term, few, slow) for term in terms]
             self._friction[key] = np.column_stack(loads) if loads else np.zeros((len(few), 0))
