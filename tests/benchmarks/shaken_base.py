@@ -96,6 +96,37 @@ ROWS = {
         )
         for name, wrong in (("negated", FLIP), ("swapped", SWAP), ("right", np.eye(3)))
     },
+    "shake 1 at 10 Hz": (Shaken(shake=1.0, shake_hz=10.0), {}, {}),
+    "shake 2 at 25 Hz": (Shaken(shake=2.0, shake_hz=25.0), {}, {}),
+    "shake 2 at 60 Hz, 100 Hz, aliased": (Shaken(shake=2.0, shake_hz=60.0, hz=100.0), {}, {}),
+    "shake 3 at 120 Hz, 1000 Hz": (Shaken(shake=3.0, shake_hz=120.0, hz=1000.0), {}, {}),
+    "shake 2 at 15 Hz, table 1 Hz": (Shaken(((X, rock(5.0, 1.0)),), shake=2.0, shake_hz=15.0), {}, {}),
+    "shake 1 at 15 Hz, ship, 1 m told": (Shaken(SHIP, shake=1.0, shake_hz=15.0, place=UP1), {"position": UP1}, {}),
+    "shake 2, clipped at 11": (Shaken(shake=2.0, end=11.0), {"acceleration_range": 11.0}, {}),
+    "shake 2, rocking, gyroscope negated": (Shaken(((X, rock(15.0, 0.4)),), shake=2.0, rate_as=FLIP), {}, {}),
+    **{
+        f"spin {rate} deg/s, {place[0]:g} m told": (
+            Shaken((TILTED, (Z, spin(rate))), place=place), {"position": place}, {}
+        )
+        for rate, place in ((10, (3.0, 0.0, 0.0)), (60, (3.0, 0.0, 0.0)), (180, (1.0, 0.0, 0.0)))
+    },
+    "rocking 1 deg 0.1 Hz, 3 m": (Shaken(((X, rock(1.0, 0.1)),), place=UP3), {"position": UP3}, {}),
+    "rocking 20 deg 0.1 Hz, 3 m": (Shaken(((X, rock(20.0, 0.1)),), place=UP3), {"position": UP3}, {}),
+    **{
+        f"rocking, bias leaps by {leap} rad/s": (
+            Shaken(((X, rock(15.0, 0.4)),), bias_leap=(10.0, leap)), {}, {}
+        )
+        for leap in (0.05, 0.2)
+    },
+    "rocking .3 m, bias leaps by 0.2 rad/s": (
+        Shaken(((X, rock(15.0, 0.4)),), place=(0.0, 0.0, 0.3), bias_leap=(10.0, 0.2)), {"position": (0.0, 0.0, 0.3)}, {},
+    ),
+    "rocking, gyroscope 60 ms late": (Shaken(((X, rock(15.0, 0.4)),), late=0.06), {}, {}),
+    "rocking .3 m, gyroscope 150 ms late": (
+        Shaken(((X, rock(15.0, 0.4)),), place=(0.0, 0.0, 0.3), late=0.15), {"position": (0.0, 0.0, 0.3)}, {},
+    ),
+    "rocking at 50 Hz": (Shaken(((X, rock(10.0, 1.0)),), hz=50.0), {}, {}),
+    "noise of 0.2 m/s2": (Shaken(((X, rock(10.0, 0.3)),), noise=(0.2, 0.01)), {}, {}),
     "creeps by 15 deg in 10 s": (Shaken(creep=((Y, lambda t: math.radians(15.0) * begun(t, 4.0, 10.0)),)), {}, {}),
 }  # fmt: skip
 

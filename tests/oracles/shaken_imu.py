@@ -55,6 +55,7 @@ class Shaken:
     noise: tuple = (0.03, 0.003)
     rate_as: np.ndarray = field(default_factory=lambda: np.eye(3))  # what the gyroscope makes of its rates
     rate_bias: np.ndarray = field(default_factory=lambda: TRUE_RATE_BIAS)
+    bias_leap: tuple = (math.inf, 0.0)  # [s], [rad/s]: from a time on the bias of each axis is larger by so much
     late: float = 0.0  # [s] of the rates
     scale: float = 1.0
     creep: tuple = ()  # (axis, angle(t)) of the accelerometer alone
@@ -84,6 +85,7 @@ class Shaken:
         force = self.scale * (-sensed[at] + shaking) + TRUE_BIAS + self.noise[0] * rng.normal(size=(len(t), 3))
         said = np.column_stack([np.interp(t - self.late, fine, omega[:, k]) for k in range(3)])
         rates = said @ self.rate_as.T + self.rate_bias + self.noise[1] * rng.normal(size=(len(t), 3))
+        rates += np.where(t > self.bias_leap[0], self.bias_leap[1], 0.0)[:, None]
         return t, gravity[at], np.clip(force, -self.end, self.end), rates
 
 
@@ -101,16 +103,19 @@ def low_pass(t, force, rates, hz=5.0):
     return lfilter(b, a, -force, axis=0, zi=start)[0]
 
 
-def complementary(t, force, rates, gain=0.5):
-    """Return gravity of standard length along a direction that turns with the rates, drawn to readings (N, 3)."""
-    dt, out = t[1] - t[0], np.empty_like(force)
-    down = -force[0]
-    for k in range(len(t)):
-        down = down - dt * np.cross(rates[k], down)
-        down = down + gain * dt * (-force[k] - down)
-        down = down * (9.81 / np.linalg.norm(down))
-        out[k] = down
-    return out
+def complementary(t, force, rates, gain=0.02):
+    """Return gravity of standard length by the complementary filter of roll and pitch (N, 3), settled at the first reading.
+
+    That of the `ahrs` package, version 0.4: W = (1 - gain) (W + dt rates) + gain W_a, W_a the angles by the accelerometer.
+    [Mahony, Hamel, Pflimlin 2008, Nonlinear complementary filters on the special orthogonal group]
+    """
+    dt = t[1] - t[0]
+    read = np.column_stack([np.arctan2(force[:, 1], force[:, 2]), np.arctan2(-force[:, 0], np.hypot(*force[:, 1:].T))])
+    angles = read.copy()
+    for k in range(1, len(t)):
+        angles[k] = (angles[k - 1] + rates[k, :2] * dt) * (1.0 - gain) + read[k] * gain
+    roll, pitch = angles.T
+    return 9.81 * np.column_stack([np.sin(pitch), -np.cos(pitch) * np.sin(roll), -np.cos(pitch) * np.cos(roll)])
 
 
 BASELINES = {"raw": raw, "5 Hz": low_pass, "complementary": complementary}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from catenary.sensing.gyro_hypotheses import SensedTurn, TurningWatch, compare, integral
+from catenary.sensing.gyro_hypotheses import TurningWatch, compare, evidence
 from catenary.sensing.imu_faults import Fault
 
 HZ, SPAN = 100, 4.0
@@ -43,7 +43,11 @@ def rocking(rng, *, amplitude, hz, axis, lever=(0.0, 0.0, 0.0), late=0.0, second
 
 
 def compared(t, gravity, rates):
-    return compare([SensedTurn(t, integral(t, gravity), t, integral(t, rates))], NOWHERE, noise=(0.04, 9e-4))
+    sums = evidence(NOWHERE, [np.inf])
+    for stamp, rate, down in zip(t.tolist(), rates, gravity, strict=True):
+        sums.add_rate(stamp, rate)
+        sums.add_gravity(stamp, down)
+    return compare(sums, noise=(0.04, 9e-4))
 
 
 MOTIONS = {
@@ -93,7 +97,7 @@ def test_a_gyroscope_that_was_wrong_is_wrong_until_a_turn_shows_that_it_agrees(r
     for axis, matrix in ((x, wrong), (y, np.eye(3)), (x, np.eye(3))):
         t, gravity, rates = rocking(rng, amplitude=0.1, hz=0.8, axis=axis)
         for k in range(len(t)):
-            watch.add_rate(clock + t[k], rates[k] @ matrix.T)
+            watch.add_rate(clock + t[k], rates[k] @ matrix.T, None)
             watch.add_gravity(clock + t[k], gravity[k], (0.04, 9e-4))
         said.append(watch.result.fault)
         clock += SPAN + 1.0

@@ -7,7 +7,7 @@ from benchmarks.shaken_base import ROWS, sensed
 from catenary.sensing.gravity_vector import Kind, Mailbox
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
-from oracles.shaken_imu import Shaken, X, Y, rock
+from oracles.shaken_imu import Shaken, X, Y, complementary, rock
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ SCALE, SWAP, FLIP = 1.1 * np.eye(3), np.eye(3)[[1, 0, 2]], np.diag([1.0, -1.0, 1
     ("turns", "place", "accelerometer", "gyroscope", "within"),
     [
         (ROCKING, (0.0, 0.0, 0.0), SWAP, np.eye(3), 0.7), (ROCKING, FAR, SWAP, np.eye(3), 0.5),
-        (ROCKING, (0.0, 0.0, 0.0), FLIP, np.eye(3), 0.3), (ROCKING, FAR, FLIP, np.eye(3), 0.5),
+        (ROCKING, (0.0, 0.0, 0.0), FLIP, np.eye(3), 0.4), (ROCKING, FAR, FLIP, np.eye(3), 0.5),
         ((), (0.0, 0.0, 0.0), SCALE, np.eye(3), 6.0), (ROCKING, (0.0, 0.0, 0.0), SCALE, np.eye(3), 6.0),
         (TILTED, (0.0, 0.0, 0.0), np.diag([0.0, 1.0, 1.0]), np.eye(3), 1.3),
         (ROCKING, FAR, np.eye(3), np.degrees(np.eye(3)), 0.1),
@@ -69,3 +69,11 @@ def test_a_sensor_that_changes_on_the_way_is_told_and_hardly_ever_live_and_wrong
     assert named[0] < 8.1
     assert np.sum(live & (off > 0.3) & (t > 2.0)) * 0.005 < within
     assert off[t > 2.0].max() < 6.0
+
+
+def test_the_complementary_filter_is_that_of_the_ahrs_package():
+    filters = pytest.importorskip("ahrs.filters", reason="the package ahrs is not installed")
+    t, _, force, rates = Shaken(ROCKING).samples(5.0)
+    roll, pitch, _ = filters.Complementary(gyr=rates, acc=force, frequency=200.0, gain=0.98).W.T
+    down = [np.sin(pitch), -np.cos(pitch) * np.sin(roll), -np.cos(pitch) * np.cos(roll)]
+    np.testing.assert_allclose(complementary(t, force, rates), 9.81 * np.column_stack(down), atol=1e-12)

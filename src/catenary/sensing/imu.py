@@ -14,7 +14,8 @@ from catenary.sensing.fading_filters import Memories, lever, motion
 from catenary.sensing.fallback import SlowAttitude, SmoothTransfer
 from catenary.sensing.fallback_kinds import FALLBACKS
 from catenary.sensing.gravity_vector import GravityReading, Kind, Mailbox, ReadingStatus, SensorSample
-from catenary.sensing.gyro_hypotheses import HIGH_PASS_S, TurningWatch
+from catenary.sensing.gyro_evidence import HIGH_PASS_S
+from catenary.sensing.gyro_hypotheses import TurningWatch
 from catenary.sensing.gyro_prediction import PredictedGravity, RestRate
 from catenary.sensing.imu_faults import Fault, GravityCheck, RateCheck, RawCheck, norm
 from catenary.sensing.mounting import Mounting
@@ -318,8 +319,8 @@ class SensedGravity:
         fitted = None if fitted is None else self.mounting.rotation @ fitted
         self._drift = _NO_TURNING[0] if rest_rate.is_known or fitted is None else fitted
         rate = read - rest_rate.bias
-        self._watch.bias = rest_rate.bias @ self.mounting.rotation if rest_rate.is_known else None
-        self._watch.add_rate(stamp, read @ self.mounting.rotation)
+        rested = rest_rate.bias @ self.mounting.rotation if rest_rate.is_known else None
+        self._watch.add_rate(stamp, read @ self.mounting.rotation, rested)
         fault = self._rate_check.fault(rate, self._rates.at(stamp)[0] if self._rate_is_fresh(stamp) else None)
         if self._rate_check.leapt:
             self._watch.doubt()

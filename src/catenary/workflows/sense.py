@@ -4,6 +4,7 @@ The calibration is the tumble, by hand and then on the robot, or it is from a re
 """
 
 import itertools
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -31,7 +32,7 @@ from catenary.sensing.gravity_vector import (
     tilt_of,
     tilted_gravity,
 )
-from catenary.sensing.gyro_hypotheses import SensedTurn, compare, integral
+from catenary.sensing.gyro_hypotheses import compare, evidence
 from catenary.sensing.gyro_prediction import RestRate
 from catenary.sensing.imu import SensedGravity
 from catenary.sensing.imu_faults import Fault
@@ -437,7 +438,7 @@ def check_gyroscope(recording: ImuRecording) -> tuple[list[str], bool]:
     """Return the faults of a recorded gyroscope by the turns between rests, and whether they determine it."""
     if recording.rate is None:
         return [], False
-    rows, pieces = rest_rows(recording), []
+    rows, sums = rest_rows(recording), evidence(np.zeros(3), [math.inf])
     for before, after in itertools.pairwise(rows):
         # from within one rest into the next, as gravity of that place is known there
         part = slice(before[-1] - len(before) // 4, after[0] + len(after) // 4)
@@ -446,8 +447,11 @@ def check_gyroscope(recording: ImuRecording) -> tuple[list[str], bool]:
         good &= np.diff(time, prepend=-np.inf) > 0.0
         time, rate = time[good], rate[good]
         if len(time) > 2 and np.diff(time).max() < BLOCK_S:
-            pieces.append(SensedTurn(time, integral(time, -recording.force[part][good]), time, integral(time, rate)))
-    comparison = compare(pieces, np.zeros(3), drift=_SHAKEN_M_S2)
+            sums.interrupt()
+            for stamp, turning, force in zip(time.tolist(), rate, recording.force[part][good], strict=True):
+                sums.add_rate(stamp, turning)
+                sums.add_gravity(stamp, -force)
+    comparison = compare(sums, drift=_SHAKEN_M_S2)
     if comparison.fault is not Fault.NONE:
         return [f"{comparison.fault.message}; {comparison.remedy}".rstrip("; ")], False
     noise = np.median([np.std(np.diff(recording.rate[r], axis=0), axis=0) for r in rows], axis=0) / np.sqrt(2.0)
