@@ -44,7 +44,7 @@ SCALE, SWAP, FLIP = 1.1 * np.eye(3), np.eye(3)[[1, 0, 2]], np.diag([1.0, -1.0, 1
     ("turns", "place", "accelerometer", "gyroscope", "within"),
     [
         (ROCKING, (0.0, 0.0, 0.0), SWAP, np.eye(3), 0.7), (ROCKING, FAR, SWAP, np.eye(3), 0.5),
-        (ROCKING, (0.0, 0.0, 0.0), FLIP, np.eye(3), 0.4), (ROCKING, FAR, FLIP, np.eye(3), 0.5),
+        (ROCKING, (0.0, 0.0, 0.0), FLIP, np.eye(3), 0.35), (ROCKING, FAR, FLIP, np.eye(3), 0.5),
         ((), (0.0, 0.0, 0.0), SCALE, np.eye(3), 6.0), (ROCKING, (0.0, 0.0, 0.0), SCALE, np.eye(3), 6.0),
         (TILTED, (0.0, 0.0, 0.0), np.diag([0.0, 1.0, 1.0]), np.eye(3), 1.3),
         (ROCKING, FAR, np.eye(3), np.degrees(np.eye(3)), 0.1),

@@ -36,7 +36,8 @@ from catenary.units import DISPLAY
 
 UNCHANGED, ZERO_AND_SCALE, FRICTION = "nothing", "zero and scale", "friction"
 _ZERO = "zero"
-# what may change of a joint, which compete: columns of its memory, a zero, its correction and its position
+# what may change of a joint, which compete, the simplest first: columns of its memory, a zero, its correction and
+# its position
 _COLUMNS = {
     FRICTION: [0], _ZERO: [1], f"{FRICTION} and {_ZERO}": [0, 1], ZERO_AND_SCALE: [1, 2, 3],
     f"{FRICTION}, {ZERO_AND_SCALE}": [0, 1, 2, 3],
@@ -318,10 +319,7 @@ def _shown_change(left: dict[str, Floats]) -> str:
     """
     errors = {change: rms(values) for change, values in left.items()}
     close = _NEAR_RATIO * min(errors.values()) + _RESOLUTION_SI
-    near = [
-        change for change in (FRICTION, _ZERO, f"{FRICTION} and {_ZERO}", ZERO_AND_SCALE) if errors[change] <= close
-    ]
-    shown = next(iter(near), f"{FRICTION}, {ZERO_AND_SCALE}")
+    shown = next(change for change in _COLUMNS if errors[change] <= close)
     return ZERO_AND_SCALE if shown == _ZERO else shown
 
 

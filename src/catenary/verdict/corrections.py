@@ -194,11 +194,15 @@ def _swap(log: MotionLog, text: str) -> MotionLog:
 def _of_columns(step: str, log: MotionLog, text: str) -> MotionLog:
     """Return the log with single columns corrected, each by the number that the option gives its joint."""
     (expected, corrected), option = _COLUMN_STEPS[step], f"--{step}"
-    array, numbers = _numbers(text, option, expected) if expected else (units_of(text)[0], {})
+    if expected:
+        array, numbers = _numbers(text, option, expected)
+    else:
+        array, names = units_of(text)
+        numbers = dict.fromkeys(names, 1.0)
     key, values = _array(log, array, option)
-    for name in numbers or units_of(text)[1]:
+    for name, number in numbers.items():
         j = _joint(log, name, option)
-        values[:, j] = corrected(values[:, j], numbers.get(name, 1.0), log, j)
+        values[:, j] = corrected(values[:, j], number, log, j)
     return replace(log, **{key: values})  # type: ignore[arg-type]  # an array by its name
 
 

@@ -16,6 +16,7 @@ from catenary.verdict.command_response import (
     scales,
 )
 from catenary.verdict.finding import Finding
+from catenary.verdict.whole_turns import from_median
 
 # Medians of windows of a real arm's error differ from one window to the next by at most 2.6 times what nine in ten do.
 _CLEAR_RATIO = 5.0
@@ -49,13 +50,12 @@ def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
     """Find measurements that stand whole or half turns, or a counter's period, from the others; bring them there."""
     findings, measured = list[Finding](), np.array(pairs.log.q_encoder)
     for j, joint_unit in enumerate(pairs.log.joint_units):
-        error = pairs.m[:, j] - pairs.q[:, j]
-        away = error - np.percentile(error, 50.0, method="lower")  # of a row: a mean of two may lie between turns
+        away = from_median(pairs.m[:, j] - pairs.q[:, j])
         if period := _period_of_wraps(pairs.m[:, j], away):
             rounds, in_si = np.round(away / period), period / float(scales(pairs.log)[j])
             measured[pairs.log.ok, j] -= rounds * in_si
             rows, size = np.count_nonzero(rounds), f"{period:.4g} {pairs.unit(j)}"
-            says = f"{rows} of {len(error)} measurements are {size} off the others, and all lie within one such range"
+            says = f"{rows} of {len(away)} measurements are {size} off the others, and all lie within one such range"
             findings.append(_turned(pairs.names[j], says, "a counter that wraps", in_si))
             continue
         if joint_unit != "rad":
@@ -68,7 +68,7 @@ def turn_findings(pairs: Pairs) -> tuple[list[Finding], Pairs]:
         measured[pairs.log.ok, j] -= np.deg2rad(_HALF_TURN_DEG * halves)
         sizes, counts = np.unique(halves[turned], return_counts=True)
         commonest = float(sizes[np.argmax(counts)]) * _HALF_TURN_DEG
-        says = f"{int(turned.sum())} of {len(error)} measurements are whole or half turns off the others"
+        says = f"{int(turned.sum())} of {len(away)} measurements are whole or half turns off the others"
         culprit = "an angle recorded within one turn, or a counter that lost a turn"
         period = np.deg2rad(_HALF_TURN_DEG) * (1 + (np.abs(halves[turned]) % 2.0 == 0.0).all())
         findings.append(_turned(pairs.names[j], f"{says} ({commonest:+.0f} deg most often)", culprit, period))
