@@ -10,11 +10,12 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from catenary.calibration.dataset import calibration_data
 from catenary.calibration.fit_options import FitOptions, FitRun
-from catenary.calibration.fit_recordings import fit_logs
+from catenary.calibration.fit_recordings import FitResult, fit_logs
 from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model_kinds import LEARNED, MODEL_KINDS
 from catenary.calibration.recordings import Recordings
 from catenary.errors import InputError
+from catenary.plant import MotionLog
 from catenary.robots.catalog import load_robot
 from recordings import data_of, fitted, recording
 
@@ -185,3 +186,37 @@ def test_every_training_row_is_believed_also_where_a_joint_has_no_error_at_all(k
         model = fitted(run, kind=kind)
         data = calibration_data([run], model.features)
         assert model.correct(data.X, data.q_nominal)[1].all()
+
+
+def on_a_base(tilt: float, seed: int, rows: int = 3000) -> MotionLog:
+    """Two joints whose errors depend on what gravity asks of the first, on a base tilted by an angle [rad]."""
+    rng, t = np.random.default_rng(seed), 0.05 * np.arange(rows)
+    q = 0.6 * np.sin(t[:, None] * [0.31, 0.47] + rng.uniform(0.0, 6.0, 2))
+    torque = np.sin(q[:, 0] + 0.5 * q[:, 1] + tilt)
+    error = 0.02 * q + 0.05 * torque[:, None] * [1.0, 0.3] + 3e-4 * rng.normal(size=q.shape)
+    return MotionLog(
+        f"{tilt} {seed}", ("J1", "J2"), ("rad", "rad"), q, np.ones(rows, bool), q + error, t,
+        signals={"gravity:J1": torque}, signal_units={"gravity:J1": "Nm"},
+    )  # fmt: skip
+
+
+def test_an_input_that_positions_determine_in_training_is_left_out() -> None:
+    """On a base that stands, gravity is such an input; what it does on another base such recordings do not show."""
+    options = FitOptions(inputs=("q:J1", "q:J2", "gravity:J1"))
+
+    def fit(*tilts: float) -> FitResult:
+        return fit_logs([on_a_base(tilt, k) for k, tilt in enumerate(tilts)], options, FitRun(folds=0))
+
+    def errors(result: FitResult) -> np.ndarray:
+        log = on_a_base(0.2, 10)
+        return log.q_encoder - result.model.calibrate(log)
+
+    level, several = fit(0.0, 0.0), fit(-0.3, 0.0, 0.3)
+    assert "gravity:J1" not in level.model.features.signals
+    assert any(note.startswith("gravity:J1: left out") for note in level.notes)
+    assert "gravity:J1" in several.model.features.signals
+    assert not any("left out" in note for note in several.notes)
+    rms_of_several, rms_of_level = (np.sqrt(np.mean(errors(each) ** 2, axis=0)) for each in (several, level))
+    assert (rms_of_several < 5e-4).all()
+    # what the torque differs by, and no more
+    assert (rms_of_level < 1.2 * 0.05 * 2.0 * np.sin(0.1) * np.array([1.0, 0.3])).all()

@@ -87,6 +87,7 @@ def fit_recordings(
         options = replace(options, cables=find_cables(recordings, options, held_out=held_out))
         options = replace(options, friction=find_friction(recordings, options, held_out=held_out))
     inputs = choose_inputs(recordings, options, held_out=held_out)
+    passed.notes.extend(_determined_notes(inputs.determined))
     rows = rows_of(inputs.features)
     data = rows[0]
     halves = [part_of(progress, k, 2) for k in range(2)]
@@ -99,6 +100,14 @@ def fit_recordings(
 
         validation = cross_validate(data, refitted, folds=run.folds, progress=halves[1])
     return _concluded(recordings, options, run, (model, validation), passed, rows)
+
+
+def _determined_notes(signals: Sequence[str]) -> list[str]:
+    """Return a note on inputs that were left out because the positions determine them."""
+    what = (
+        f"{', '.join(signals)}: left out, as the positions alone determine it here, as they do gravity on a base that"
+    )
+    return [f"{what} stands; record on other bases, or with other loads, to use it"] * bool(signals)
 
 
 def _far_notes(data: CalibrationData, left: Floats) -> list[str]:

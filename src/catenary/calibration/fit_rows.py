@@ -1,28 +1,30 @@
 """Which inputs recordings give a model, and the fit of one kind of model to rows of them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from catenary.arrays import Floats
+from catenary.arrays import Floats, spread
 from catenary.calibration.dataset import CalibrationData
 from catenary.calibration.extrapolation import TrainedRows, leverage_of
 from catenary.calibration.features import FeatureSet, choose_signals, signals_of
 from catenary.calibration.fit_options import FitOptions, FoundCables
-from catenary.calibration.learned import BLOCKS
+from catenary.calibration.learned import BLOCKS, terms_of
 from catenary.calibration.model import CalibrationModel, JointGroup, Target
 from catenary.calibration.model_kinds import LEARNED
 from catenary.calibration.predictors import Expansion
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE, largest_step, room_of
-from catenary.calibration.valid_range import fit_valid_range
+from catenary.calibration.valid_range import fit_valid_range, standardisation
 from catenary.errors import InputError
 from catenary.parallel import Progress, part_of, silent
 from catenary.plant import MotionLog
 
 MIN_ROWS = 10  # rows
+# of a signal's spread, that positions leave unexplained of one that they determine; rows that are compared
+_DETERMINED_SHARE, _COMPARED_ROWS = 0.05, 4000
 _SHOWN_QUANTILE = 0.99  # of training errors, for the largest correction: others may be failed measurements
 _RESOLUTION_SI = 1e-6  # [rad|m] the smallest "largest correction": smaller ones no encoder shows
 
@@ -32,6 +34,7 @@ class Inputs(NamedTuple):
 
     features: FeatureSet
     per_joint: tuple[tuple[str, ...], ...]  # (n,) signals
+    determined: tuple[str, ...] = ()  # signals that are left out: the positions determine them in these recordings
 
 
 def choose_inputs(recordings: Recordings, options: FitOptions, *, held_out: float = 0.0) -> Inputs:
@@ -46,11 +49,13 @@ def choose_inputs(recordings: Recordings, options: FitOptions, *, held_out: floa
         inputs = {} if options.inputs is None else dict.fromkeys(log.joint_names, options.inputs)
     default = joint_inputs(log) if options.record.play_shares else ("q",) if log.tau is None else ("q", "tau")
     per_joint = tuple(choose_signals(log, inputs.get(joint, default)) for joint in log.joint_names)
+    early = [log.part(0, max(1, round((1.0 - held_out) * len(log)))) for log in recordings.logs]
+    determined = _determined(early, per_joint) if options.record.name == LEARNED else ()
+    per_joint = tuple(tuple(name for name in names if name not in determined) for names in per_joint)
     signals = tuple(dict.fromkeys(name for names in per_joint for name in names))
     friction = None if options.friction is None else options.friction.states
     cables = FoundCables() if options.cables is None else options.cables
     paths = [path for path in cables.paths if {*path[1:3]} <= {*signals}]
-    early = [log.part(0, max(1, round((1.0 - held_out) * len(log)))) for log in recordings.logs]
     play: list[tuple[str, float]] = []
     steps: list[tuple[str, float]] = []
     own = [(name, name, name, 0.0) for joint in log.joint_names for name in [f"q:{joint}"] if name in signals]
@@ -70,7 +75,30 @@ def choose_inputs(recordings: Recordings, options: FitOptions, *, held_out: floa
     units = tuple(unit for _, unit in map(signals_of(log).__getitem__, signals))
     whole = period if steps else None
     features = FeatureSet(signals, units, tuple(play), friction, tuple(steps), tuple(paths), whole)
-    return Inputs(features, per_joint)
+    return Inputs(features, per_joint, determined)
+
+
+def _determined(logs: Sequence[MotionLog], per_joint: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Return the signals that are functions of the positions on all rows, as gravity is on a base that stands.
+
+    What such a signal does where it is no such function, as on a base that tilts, no row shows.
+    """
+    signals = tuple(dict.fromkeys(name for names in per_joint for name in names))
+    positions = tuple(name for name in signals if name.startswith("q:"))
+    others = tuple(name for name in signals if name not in positions)
+    if not positions or not others:
+        return ()
+    known = signals_of(logs[0])
+    sets = [FeatureSet(names, tuple(known[name][1] for name in names)) for names in (positions, others)]
+    q, Y = (np.vstack([features.matrix(log) for log in logs]) for features in sets)
+    rows = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(Y).all(axis=1))
+    rows = rows[spread(len(rows), _COMPARED_ROWS)]
+    if len(rows) < MIN_ROWS:
+        return ()
+    terms = terms_of(q[rows], sets[0], np.arange(len(positions))).of(q[rows])
+    Z, Y = ((values - mean) / scale for values in (terms, Y[rows]) for mean, scale in [standardisation(values)])
+    left = Y - Z @ np.linalg.solve(Z.T @ Z + np.eye(Z.shape[1]), Z.T @ Y)
+    return tuple(name for name, share in zip(others, left.std(axis=0), strict=True) if share < _DETERMINED_SHARE)
 
 
 def joint_inputs(log: MotionLog) -> tuple[str, ...]:

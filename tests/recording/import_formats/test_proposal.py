@@ -43,6 +43,7 @@ def of_table(folder: Path, names: str, *columns: np.ndarray) -> Proposal:
         ("cmd1,cmd2,encoder1,encoder2", 1.0, "the units of q_nominal"),
         ("cmd1_rad,cmd2_rad,encoder1,encoder2", 7.0, "the units of q_encoder"),
         ("q_des1_rad,q_des2_rad,q_act1_rad,q_act2_rad", 1.0, "measured at the joints"),
+        ("J1 motor (deg),J2 motor (deg),J1 joint (deg),J2 joint (deg)", 1.0, "measured at the joints"),
         ("a1,a2,b1,b2", 1.0, "which is q_nominal"),
         ("shoe,hat,tie,scarf", 1.0, "which columns are q_nominal"),
     ],
@@ -59,6 +60,31 @@ def test_what_is_open_is_asked_and_nothing_is_accepted_then(
     assert "OPEN" in proposal.toml
     with pytest.raises(InputError, match="open questions"):
         proposal.accepted()
+
+
+@pytest.mark.parametrize(("answer", "measured"), [("J1 joint (deg)", True), ("none", False)])
+def test_joints_beside_motors_are_the_measurement_or_what_the_robot_reports(
+    answer: str, measured: bool, tmp_path: Path
+) -> None:
+    names = "J1 motor (deg),J2 motor (deg),J1 joint (deg),J2 joint (deg),gripper (%)"
+    of_table(tmp_path, names, *Q.T, *(Q + 0.01).T, Q[:, 0])
+    mapping = propose_mapping(tmp_path / "lab.csv", answers={"q_encoder": answer}).accepted()
+    joints, motors = (tuple(f"J{j} {kind} (deg)" for j in (1, 2)) for kind in ("joint", "motor"))
+    assert mapping.q_nominal.columns == (motors if measured else joints)
+    assert (mapping.q_encoder is not None and mapping.q_encoder.columns == joints) == measured
+
+
+@pytest.mark.parametrize("places", [(0, 1), (0, 2)])
+def test_torques_are_those_of_the_joints_that_were_chosen_of_an_array(places: tuple[int, int], tmp_path: Path) -> None:
+    gripper = np.sin(2.0 * T)
+    q = np.insert(Q, 2, gripper, axis=1) if places == (0, 1) else np.insert(Q, 1, gripper, axis=1)
+    names = ",".join(f"{name}[{k}]" for name in ("position", "effort") for k in range(3)) + ",encoder[0],encoder[1]"
+    of_table(tmp_path, names, *q.T, *(3.0 * q).T, *(Q + 0.01).T)
+    chosen = ",".join(f"position[{k}]" for k in places)
+    answers = {"q_nominal.columns": chosen, "q_nominal.units": "rad"}
+    mapping = propose_mapping(tmp_path / "lab.csv", answers=answers).accepted()
+    assert mapping.tau is not None
+    assert mapping.tau.columns == tuple(f"effort[{k}]" for k in places)
 
 
 def test_columns_that_never_change_and_currents_are_set_aside_and_said(tmp_path: Path) -> None:

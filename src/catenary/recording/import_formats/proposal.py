@@ -208,6 +208,8 @@ def _positions(
     outside, commanded, actual, measured = of("measured outside"), of("commanded"), of("actual"), of("measured")
     own, estimated, unknown = of("own"), of("estimated"), of("unknown")
     reported = [*own, *estimated, *of("reported")]
+    # beside motors: joints that follow from these, or have sensors of their own
+    beside = of("reported") if own and not (estimated or commanded or actual) else []
     if not own and not estimated:
         reported, measured = [*reported, *measured], []
     if not reported and not commanded and not outside and not measured:
@@ -223,8 +225,8 @@ def _positions(
     if not outside and measured and own:
         outside = measured
         draft.decisions.append(f"q_nominal is what the robot reports ({own[0].name}), q_encoder what was measured")
-    elif not outside and (measured or (actual and (reported or commanded))):
-        outside = measured or actual
+    elif not outside and (measured or beside or (actual and (reported or commanded))):
+        outside = measured or beside or actual
         doubt = outside[0]
         answer = draft.ask(
             "q_encoder",
@@ -234,6 +236,8 @@ def _positions(
         )
         if answer == "none":
             outside, reported = [], outside
+        elif beside:
+            reported = own
         elif commanded and actual:
             reported = []
     pots = [one for one in outside if one.is_potentiometer]
@@ -324,13 +328,18 @@ def _some_of(one: Candidate, count: int, quantity: str, why: str, draft: _Draft)
 
 
 def _further(candidates: Sequence[Candidate], nominal: Candidate, draft: _Draft) -> None:
-    """Add velocity and effort of the same stream and joints."""
+    """Add velocity and effort of the same stream and joints, or of their places in arrays as long."""
+    named = [one.columns for one in candidates if one.stream.name == nominal.stream.name]
+    whole = next((columns for columns in named if {*nominal.columns} <= {*columns}), nominal.columns)
+    count, places = len(whole), [whole.index(column) for column in nominal.columns]
     for kind, quantity in (("velocity", "qd"), ("effort", "tau")):
         of_kind = [one for one in candidates if one.kind == kind and one.stream.name == nominal.stream.name]
         of_kind = of_kind or [one for one in candidates if one.kind == kind and {*one.columns} == {*nominal.columns}]
         same = [one for one in of_kind if set(nominal.joints) <= set(one.joints) and all(nominal.joints)]
         parts = [one.of_joints(nominal.joints) for one in same]
-        parts = parts or [one for one in of_kind if len(one.columns) == len(nominal.columns)]
+        parts = parts or [
+            one.part([one.columns[place] for place in places]) for one in of_kind if len(one.columns) == count
+        ]
         if nominal.role != "commanded":
             parts = [one for one in parts if one.role != "commanded"] or parts
         if len(parts) == 1 and parts[0].is_whole:
