@@ -37,14 +37,18 @@ class Program:
     person: str = ""  # what a person does meanwhile, a program; one without an end is interrupted after it
 
 
-# what a person does begins with this: pedals, and the hand of an operator; by catenary's own transport, since two
-# programs of Fast DDS on one machine, beside servers of Cyclone DDS, may not hear each other
+# what a person does begins with this: pedals, and the hand of an operator; as the server speaks, since two programs of
+# Fast DDS on one machine, beside servers of Cyclone DDS, may not hear each other, and Kilted's is slow beside Cyclone's
 _PERSON = """
 import sys, time
 import numpy as np
 from catenary.crtk.message import message_class
 from catenary.crtk.network import make_transport
-transport = make_transport(sys.argv[1], "person")
+if sys.argv[1] == "rclpy":
+    from catenary.crtk.rclpy_transport import RclpyTransport
+    transport = RclpyTransport("person")
+else:
+    transport = make_transport("1" if sys.argv[1] == "rospy" else "2", "person")
 Joy, JointState = (message_class(f"sensor_msgs/{name}") for name in ("Joy", "JointState"))
 WrenchStamped, Wrench, Vector3 = (message_class(f"geometry_msgs/{name}") for name in ("WrenchStamped", "Wrench", "Vector3"))
 pedals = {name: transport.publisher(f"/footpedals/{name}", "sensor_msgs/Joy") for name in ("coag", "clutch")}
@@ -198,13 +202,8 @@ def outcome(ros: str, by: str, name: str, programs: Path) -> Run:
             for robot in program.serves:
                 opened.enter_context(served(robot, ros, by, environment, log, enabled=program.enabled))
             if program.person:
-                person = opened.enter_context(
-                    running(
-                        [sys.executable, "-c", program.person, "1" if ros == "1" else "2"],
-                        {**environment, "PYTHONPATH": str(ROOT / "src")},
-                        stdout=subprocess.PIPE,
-                    )
-                )
+                command = [sys.executable, "-c", program.person, by]
+                person = opened.enter_context(running(command, ours(ros, by, environment), stdout=subprocess.PIPE))
                 assert person.stdout is not None
                 person.stdout.readline()  # the pedals are there before the program, which waits 5 s for all its topics
             begin = time.monotonic()
@@ -225,12 +224,11 @@ def outcome(ros: str, by: str, name: str, programs: Path) -> Run:
             seconds = time.monotonic() - begin
             if ran.returncode:
                 lines = (err.strip() or out.strip()).splitlines()
-                reason = (
-                    "; ".join(line for line in lines if "Error" in line or " ! " in line or ": [/" in line) or lines[-1]
-                )
+                marked = [line.strip() for line in lines if any(mark in line for mark in ("Error: ", " ! ", ": [/"))]
+                reason = "; ".join(marked or lines[-1:])
                 log.seek(0)
                 warnings = [line for line in log.read().splitlines() if line and not line.startswith("note: ")]
-                return Run(seconds, f"exit code {ran.returncode}: {reason.strip()}; server: {'; '.join(warnings)}")
+                return Run(seconds, f"exit code {ran.returncode}: {reason}; server: {'; '.join(warnings)}")
             if program.person == _OPERATOR and person.returncode:
                 return Run(seconds, f"did not follow: {watched.strip()}; {out.strip()}")
             return Run(seconds)
@@ -245,6 +243,14 @@ def running(command: list[str | Path], environment: dict[str, str], **pipes: Any
         finally:
             process.terminate()
             process.communicate()
+
+
+def ours(ros: str, by: str, environment: dict[str, str]) -> dict[str, str]:
+    """Return the environment of a program of ours in a network."""
+    own = {**environment, "PYTHONPATH": str(ROOT / "src")}
+    if by == "rclpy":
+        own |= {key: value for key, value in sourced(ros).items() if os.environ.get(key) != value}
+    return own
 
 
 @contextmanager
@@ -262,13 +268,12 @@ def served(robot: str, ros: str, by: str, environment: dict[str, str], log: Text
         "--ros",
         "1" if ros == "1" else "2",
     ]
-    ours = {**environment, "PYTHONPATH": str(ROOT / "src")}
     if ros != "1":
         arguments += ["--transport", by]
-    if by == "rclpy":
-        ours |= {key: value for key, value in sourced(ros).items() if os.environ.get(key) != value}
     command: list[str | Path] = [sys.executable, "-u", "-c", COMMAND, *arguments, *(["--start"] if enabled else [])]
-    with running(command, ours, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=log) as server:
+    with running(
+        command, ours(ros, by, environment), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=log
+    ) as server:
         assert server.stdout is not None
         server.stdout.readline()  # it runs
         yield
