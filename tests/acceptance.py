@@ -1,11 +1,11 @@
-"""Run programs of others, as they are, against the served arms of a dVRK, and print what came out as a table.
+"""Run programs of others, as they are, against the served arms of a dVRK, three times each, and print a table of it.
 
     python -m tests.acceptance FOLDER [--over "ROS 1" --over "Kilted, DDS" ...] [--only dvrk_psm_test.py] [--times N]
         [--page FILE]
 
 FOLDER holds clones of jhu-dvrk/dvrk_python, collaborative-robotics/crtk_python_client and crtk_msgs. ROS 2 is an
-environment that .ci/ros2 made with all of crtk_msgs; PyKDL is found by PYTHONPATH. With --page the rows that were run
-take their places in a page's table.
+environment that .ci/ros2 made with all of crtk_msgs; PyKDL is found by PYTHONPATH. With --page what was run takes its
+place in a page's table.
 """
 
 import argparse
@@ -15,11 +15,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TextIO
 
 from dds import VARIABLES, free_domain
 from ros import COMMAND, ROOT, running_master
@@ -37,19 +37,24 @@ class Program:
     person: str = ""  # what a person does meanwhile, a program; one without an end is interrupted after it
 
 
-# what a person does begins with this: pedals, and the hand of an operator; by catenary's own transport, since two
-# programs of Fast DDS on one machine, beside servers of Cyclone DDS, may not hear each other
+# what a person does begins with this: pedals, and the hand of an operator; as the server speaks, since two programs of
+# Fast DDS on one machine, beside servers of Cyclone DDS, may not hear each other, and Kilted's is slow beside Cyclone's
 _PERSON = """
 import sys, time
 import numpy as np
 from catenary.crtk.message import message_class
 from catenary.crtk.network import make_transport
-transport = make_transport(sys.argv[1], "person")
+if sys.argv[1] == "rclpy":
+    from catenary.crtk.rclpy_transport import RclpyTransport
+    transport = RclpyTransport("person")
+else:
+    transport = make_transport("1" if sys.argv[1] == "rospy" else "2", "person")
 Joy, JointState = (message_class(f"sensor_msgs/{name}") for name in ("Joy", "JointState"))
 WrenchStamped, Wrench, Vector3 = (message_class(f"geometry_msgs/{name}") for name in ("WrenchStamped", "Wrench", "Vector3"))
 pedals = {name: transport.publisher(f"/footpedals/{name}", "sensor_msgs/Joy") for name in ("coag", "clutch")}
 def press(name, value):
     pedals[name].publish(Joy(axes=[0.0], buttons=[value]))
+print("here", flush=True)
 """
 _PEDALS = (
     _PERSON
@@ -176,43 +181,57 @@ def network(ros: str, programs: Path, folder: Path) -> Iterator[tuple[dict[str, 
     yield {**kept, **named}, [f"PYTHONPATH={os.pathsep.join([*places, *path])}", str(place_of(ros) / "bin" / "python")]
 
 
-def outcome(ros: str, by: str, name: str, programs: Path) -> str:
+class Run(NamedTuple):
+    """How a program ended."""
+
+    seconds: float
+    fault: str = ""  # none with exit code 0, and a person who saw what was to be seen
+
+    def __str__(self) -> str:
+        return f"{self.fault or 'well'}, {self.seconds:.0f} s"
+
+
+def outcome(ros: str, by: str, name: str, programs: Path) -> Run:
     """Serve arms, run a program against them, with a person where it needs one, and say how it ended."""
     program = PROGRAMS[name]
     script = programs / program.clone / "scripts" / name.partition(" ")[0]
     with tempfile.TemporaryDirectory() as folder, network(ros, programs, Path(folder)) as (environment, (path, python)):
         theirs = ["env", path, python]
         with ExitStack() as opened:
+            log = opened.enter_context((Path(folder) / "log").open("w+", encoding="utf-8"))
             for robot in program.serves:
-                opened.enter_context(served(robot, ros, by, environment, program.enabled))
+                opened.enter_context(served(robot, ros, by, environment, log, enabled=program.enabled))
+            if program.person:
+                command = [sys.executable, "-c", program.person, by]
+                person = opened.enter_context(running(command, ours(ros, by, environment), stdout=subprocess.PIPE))
+                assert person.stdout is not None
+                person.stdout.readline()  # the pedals are there before the program, which waits 5 s for all its topics
             begin = time.monotonic()
-            person = program.person and opened.enter_context(
-                running(
-                    [sys.executable, "-c", program.person, "1" if ros == "1" else "2"],
-                    {**environment, "PYTHONPATH": str(ROOT / "src")},
-                    stdout=subprocess.PIPE,
-                )
-            )
             ran = opened.enter_context(
                 running(
                     [*theirs, script, *program.arguments], environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                     stderr=subprocess.PIPE,
                 )
             )  # fmt: skip
+            watched = ""
             try:
                 if program.person == _OPERATOR:
                     watched, _ = person.communicate(timeout=LIMIT)
                     ran.send_signal(signal.SIGINT)
                 out, err = ran.communicate("\n" * 100, timeout=LIMIT)
             except subprocess.TimeoutExpired:
-                return f"no end within {LIMIT:.0f} s"
-            ended = f"{ran.returncode}, {time.monotonic() - begin:.0f} s"
+                return Run(LIMIT, "no end")
+            seconds = time.monotonic() - begin
             if ran.returncode:
-                said = (err.strip() or out.strip()).splitlines()
-                ended += f": {'; '.join(line for line in said if 'Error' in line or ' ! ' in line) or said[-1]}"
-            elif program.person == _OPERATOR and person.returncode:
-                ended = f"did not follow: {watched.strip()}; {out.strip()}"
-    return ended
+                lines = (err.strip() or out.strip()).splitlines()
+                marked = [line.strip() for line in lines if any(mark in line for mark in ("Error: ", " ! ", ": [/"))]
+                reason = "; ".join(marked or lines[-1:])
+                log.seek(0)
+                warnings = [line for line in log.read().splitlines() if line and not line.startswith("note: ")]
+                return Run(seconds, f"exit code {ran.returncode}: {reason}; server: {'; '.join(warnings)}")
+            if program.person == _OPERATOR and person.returncode:
+                return Run(seconds, f"did not follow: {watched.strip()}; {out.strip()}")
+            return Run(seconds)
 
 
 @contextmanager
@@ -226,9 +245,17 @@ def running(command: list[str | Path], environment: dict[str, str], **pipes: Any
             process.communicate()
 
 
+def ours(ros: str, by: str, environment: dict[str, str]) -> dict[str, str]:
+    """Return the environment of a program of ours in a network."""
+    own = {**environment, "PYTHONPATH": str(ROOT / "src")}
+    if by == "rclpy":
+        own |= {key: value for key, value in sourced(ros).items() if os.environ.get(key) != value}
+    return own
+
+
 @contextmanager
-def served(robot: str, ros: str, by: str, environment: dict[str, str], enabled: bool) -> Iterator[None]:
-    """Serve an arm until left."""
+def served(robot: str, ros: str, by: str, environment: dict[str, str], log: TextIO, *, enabled: bool) -> Iterator[None]:
+    """Serve an arm until left; its log goes to a file."""
     arguments = [
         "serve",
         "--robot",
@@ -241,24 +268,24 @@ def served(robot: str, ros: str, by: str, environment: dict[str, str], enabled: 
         "--ros",
         "1" if ros == "1" else "2",
     ]
-    ours = {**environment, "PYTHONPATH": str(ROOT / "src")}
     if ros != "1":
         arguments += ["--transport", by]
-    if by == "rclpy":
-        ours |= {key: value for key, value in sourced(ros).items() if os.environ.get(key) != value}
     command: list[str | Path] = [sys.executable, "-u", "-c", COMMAND, *arguments, *(["--start"] if enabled else [])]
-    with running(command, ours, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE) as server:
+    with running(
+        command, ours(ros, by, environment), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=log
+    ) as server:
         assert server.stdout is not None
         server.stdout.readline()  # it runs
         yield
 
 
-def tried(ros: str, by: str, program: str, programs: Path) -> str:
+def tried(ros: str, by: str, program: str, programs: Path) -> Run:
     """Return how a program ended, tried again where it read before any data could reach it: see docs/crtk.md."""
-    count, ended = 1, outcome(ros, by, program, programs)
-    while EARLY in ended and count < TRIES:
-        count, ended = count + 1, outcome(ros, by, program, programs)
-    return ended if count == 1 else f"{ended}, try {count}"
+    for _ in range(TRIES - 1):
+        run = outcome(ros, by, program, programs)
+        if EARLY not in run.fault:
+            return run
+    return outcome(ros, by, program, programs)
 
 
 def say(line: str) -> None:
@@ -267,39 +294,53 @@ def say(line: str) -> None:
     sys.stdout.flush()
 
 
-def into_page(page: Path, rows: dict[str, str], head: str) -> None:
-    """Put rows into a page's table, in place of those that it has of the same name."""
+def cell(runs: Sequence[Run]) -> str:
+    """Return how many runs of a program ended well, and the slowest one's time [s]."""
+    return f"{sum(not run.fault for run in runs)}/{len(runs)}, {max(run.seconds for run in runs):.0f}"
+
+
+def table(cells: Mapping[tuple[str, str], str]) -> list[str]:
+    """Return a table of cells by program and network."""
+    columns, rows = ([name for name in names if any(name in place for place in cells)] for names in (OVER, PROGRAMS))
+    head = [f"| ended well, slowest in s | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    return head + [f"| `{row}` | {' | '.join(cells.get((row, name), '-') for name in columns)} |" for row in rows]
+
+
+def into_page(page: Path, cells: Mapping[tuple[str, str], str]) -> None:
+    """Put cells into a page's table, beside those that it has."""
     before, _, rest = page.read_text(encoding="utf-8").partition(f"{BEFORE}\n")
-    lines = rest.splitlines(keepends=True)
+    lines = rest.splitlines()
     count = next(k for k, line in enumerate([*lines, ""]) if not line.startswith("|"))
-    table, after = "".join(lines[:count]), "".join(lines[count:])
-    known = (
-        {line.split(" | ")[0].strip("| "): line for line in table.splitlines()[2:]} if table.startswith(head) else {}
-    )
-    found = [line for name in OVER if (line := {**known, **rows}.get(name))]
-    page.write_text(f"{before}{BEFORE}\n" + "\n".join([head, *found]) + f"\n{after}", encoding="utf-8")
+    (_, *columns), _, *rows = ([part.strip() for part in line.strip("|").split("|")] for line in lines[:count])
+    known = {(row[0].strip("`"), name): text for row in rows for name, text in zip(columns, row[1:], strict=True)}
+    made = "\n".join([*table({**known, **cells}), *lines[count:], ""])
+    page.write_text(f"{before}{BEFORE}\n{made}", encoding="utf-8")
 
 
 def main() -> int:
-    """Print the table; return how many ended otherwise than well."""
+    """Print how each program ended, and the table; return how many ended otherwise than well."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--over", action="append", choices=OVER)
     parser.add_argument("--only", action="append", choices=PROGRAMS)
-    parser.add_argument("--times", type=int, default=1)
+    parser.add_argument("--times", type=int, default=3)
     parser.add_argument("--page", type=Path)
-    asked = parser.parse_args()
-    programs, rows = (asked.only or list(PROGRAMS)) * asked.times, {}
-    head = f"| exit code, time | {' | '.join(f'`{one}`' for one in programs)} |\n|---|{'---|' * len(programs)}"
-    say(head)
-    faults = 0
-    for name in asked.over or OVER:
-        cells = [tried(*OVER[name], program, asked.folder.resolve()) for program in programs]
-        faults += sum(not cell.startswith("0,") for cell in cells)
-        rows[name] = f"| {name} | {' | '.join(cells)} |"
-        say(rows[name])
-        if asked.page is not None:
-            into_page(asked.page, rows, head)
+    options = parser.parse_args()
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a job in a shell's background ignores it, and its programs
+    cells, faults = {}, 0
+    for over in options.over or OVER:
+        for program in options.only or PROGRAMS:
+            runs = list[Run]()
+            for _ in range(options.times):
+                runs.append(tried(*OVER[over], program, options.folder.resolve()))
+                say(f"{over}, {program}: {runs[-1]}")
+            faults += sum(bool(run.fault) for run in runs)
+            cells[program, over] = cell(runs)
+            if options.page is not None:
+                into_page(options.page, cells)
+    say("\n".join(table(cells)))
     return faults
 
 

@@ -125,6 +125,18 @@ def test_each_quality_is_heard_and_what_two_readers_get_is_given_once(
 
 
 @beside_ros2
+def test_who_sent_a_first_message_is_known_before_its_node(ours: Transport, theirs: Transport) -> None:
+    """To Kilted a program of DDS has none, which counts after a second; its first command is not to be a stranger's."""
+    heard, publisher = ours.subscribe("/early", TEXT), theirs.publisher("/early", TEXT, latch=True)
+    until(publisher.is_heard)
+    publisher.publish(message_class(TEXT)("first"))
+    until(lambda: len(heard))
+    (arrival,) = heard.take_arrivals()
+    assert arrival.is_first
+    assert arrival.process
+
+
+@beside_ros2
 def test_programs_that_publish_one_topic_are_told_apart_where_rclpy_says_who(ours: Transport, domain: None) -> None:
     from catenary.crtk.rclpy_transport import RclpyTransport
 

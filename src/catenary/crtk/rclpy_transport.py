@@ -120,6 +120,7 @@ class _ReadTopic(HeardTopic):
         self._name = self._node.resolve_topic_name(topic)
         self._readers: dict[_Quality, Any] = {}
         self._publishers: _Origins = {}
+        self._senders: _Origins = {}  # those whose node is not known yet too: a program's first command may come before
         self._seen: dict[bytes, float] = {}  # when
         self._came: deque[tuple[int, int]] = deque(maxlen=_AGAIN)  # when they were sent [ns], and their numbers
         self._is_ended = False
@@ -135,7 +136,7 @@ class _ReadTopic(HeardTopic):
             # one whose node is discovered later must not be two programs
             named = [one for one in listed if not one.node_name.startswith(_NAMELESS)]
             named += [one for one in listed if now - self._seen.setdefault(bytes(one.endpoint_gid), now) > _NAMING]
-            self._publishers = _origins(named)
+            self._publishers, self._senders = _origins(named), _origins(listed)
             qualities = [(one.qos_profile.reliability, one.qos_profile.durability) for one in named]
             offered = {one if one[0] == _USUAL[0] else _POOR for one in qualities} or {_USUAL}
             for quality in () if self._is_ended else offered - self._readers.keys():
@@ -165,12 +166,12 @@ class _ReadTopic(HeardTopic):
 
     def _origin(self, gid_field: Mapping[str, Any] | None) -> Origin | None:
         """Return the sender of a message: by rclpy since Kilted; before, it is known where one publishes alone."""
-        if gid_field is None:
-            return next(iter(self._publishers.values())) if len(self._publishers) == 1 else None
-        gid = bytes(gid_field["data"])
-        if gid not in self._publishers:
+        gid = None if gid_field is None else bytes(gid_field["data"])
+        if not self._senders or (gid is not None and gid not in self._senders):
             self.look()
-        return self._publishers.get(gid)
+        if gid is None:
+            return next(iter(self._senders.values())) if len(self._senders) == 1 else None
+        return self._senders.get(gid)
 
 
 @cache

@@ -89,11 +89,11 @@ def actuation_columns(
     tanh(v / v0) [rad/s or m/s], a sign function at 0; `carried` (N, n) are torques of all but friction, which
     load-dependent friction grows with.
     """
-    out = np.empty((*q.shape, len(terms)))
+    loads, combinations = np.empty((len(q), 1, len(terms))), np.empty((q.shape[1], len(terms)))
     for k, term in enumerate(terms):
-        load = term_load(term, q, qd, qdd, coulomb_velocity, carried)
-        out[:, :, k] = load[:, None] * term.combination
-    return out
+        loads[:, 0, k] = term_load(term, q, qd, qdd, coulomb_velocity, carried)
+        combinations[:, k] = term.combination
+    return loads * combinations
 
 
 def term_load(
@@ -111,8 +111,9 @@ def term_load(
     """
     c = term.combination
     along = 0.0 if carried is None else carried @ c
-    load = load_along(term, q @ c, qd @ c, qdd @ c, along, coulomb_velocity)
-    return np.broadcast_to(np.asarray(load, dtype=np.float64), len(q))
+    load = np.empty(len(q))
+    load[:] = load_along(term, q @ c, qd @ c, qdd @ c, along, coulomb_velocity)
+    return load
 
 
 def load_along(
