@@ -12,6 +12,7 @@ HEADINGS = ("holds", "doubt named", "refused", "fails")
 WINDOWS = {
     "check": "untouched windows of 2 and 5 minutes, checked",
     "refresh": "refreshed with 2 minutes of another day",
+    "gravity": "gravity sensed on bases that turn, accelerate and shake",
     "torques": "recorded torques with a known fault, or none",
     "unknown arms, even seeds": "ten arms drawn at random, with each of 23 faults or none",
     "unknown arms, odd seeds": "ten others",

@@ -11,7 +11,7 @@ from catenary.sensing.imu import SensedGravity
 from catenary.sensing.mounting import Mounting
 from oracles.shaken_imu import BASELINES, Shaken, X, Y, Z, begun, rock, spin
 
-SECONDS, FROM = 30.0, 1.0  # [s]
+SECONDS, FROM = 15.0, 1.0  # [s]
 
 
 def _hand(t):

@@ -2,12 +2,14 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from catenary.sensing.mounting import load_mounting
 from catenary.workflows.sense import read_still
 from command_line import catenary, refusal
 from oracles.manual_time import BoardTime
+from oracles.shaken_imu import Shaken, X, rock
 from oracles.simulated_board import SimulatedBoard
 
 
@@ -74,3 +76,36 @@ def test_a_tumble_asks_for_all_attitudes_and_refuses_a_board_at_rest(board, tmp_
 
 def test_a_tumble_without_a_keyboard_is_refused(board: SimulatedBoard):
     assert "standard input has ended" in refusal("sense", "--port", board.link, "--tumble")
+
+
+def _logged(kind: str, folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """Write readings of a base that rolls by 10 degrees at 0.4 Hz, as a logger does, and return what names its columns."""
+    t, _, force, rates = Shaken(((X, rock(10.0, 0.4)),)).samples(8.0, 1)
+    header, columns, options = {
+        "x-io Fusion": (
+            ["Time (s)", *(f"Gyroscope {a} (deg/s)" for a in "XYZ"), *(f"Accelerometer {a} (g)" for a in "XYZ")],
+            [t, *np.degrees(rates).T, *force.T / 9.80665], (),
+        ),
+        "KITTI oxts": (
+            ["time", "lat", "lon", "alt", "roll", "pitch", "yaw", "vf", "vl", "vu", "ax", "ay", "az", "wx", "wy", "wz"],
+            [t, *np.tile([49.0, 8.4, 112.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], (len(t), 1)).T, *force.T, *rates.T],
+            ("--columns", "ax,ay,az,wx,wy,wz"),
+        ),
+        "phone": (
+            [*(f"ACCELEROMETER {a} (m/s2)" for a in "XYZ"), *(f"GYROSCOPE {a} (rad/s)" for a in "XYZ"), "Time (ms)"],
+            [*force.T, *rates.T, 1000.0 * t], ("--time", "Time (ms)@ms"),
+        ),
+    }[kind]  # fmt: skip
+    path = folder / "imu.csv"
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.6f")
+    return path, options
+
+
+@pytest.mark.parametrize("kind", ["x-io Fusion", "KITTI oxts", "phone"])
+def test_public_loggers_files_are_replayed(tmp_path: Path, kind: str):
+    path, options = _logged(kind, tmp_path)
+    data = catenary("sense", "--replay", path, *options, "--json").json
+    assert data["status"] == "live"
+    assert data["gravity"] == pytest.approx([0.0, 0.0, -9.81], abs=1.8)  # the amplitude is 1.7
+    assert data["magnitude"] == pytest.approx(9.81, abs=0.15)
+    assert data["faults"] == {}

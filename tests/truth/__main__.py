@@ -27,6 +27,7 @@ from tests.truth.bench import (
 )
 from tests.truth.imports import imports
 from tests.truth.recordings import Known, data_folder, dvrk, raven, real, simulated
+from tests.truth.sensed_gravity import sensed_gravity
 from tests.truth.spoilings import NOTHING, SPOILINGS, late
 from tests.truth.torques import payloads, torques
 from tests.truth.two_computers import two_computers
@@ -64,6 +65,7 @@ def outcomes(only: str) -> Iterator[Outcome]:
         yield from unknown_arms(only, folder)
         yield from torques(only)
         yield from payloads(only)
+        yield from sensed_gravity(only)
         yield from unlike_others(only, folder)
 
 

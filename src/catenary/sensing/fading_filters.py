@@ -19,7 +19,11 @@ _OUTLIER_RATIO = 9.0  # largest squared innovation of a block that counts, over 
 _MAX_DISAGREEMENT = 9.0
 _WHITE = 0.7  # variance of a value under white noise, relative to that of a memory which forgets exponentially
 _VIBRATION_HZ = 8.0  # lowest frequency that is vibration and not motion of a base
-_FOLLOWERS, _STEADY = 4, 4  # number of memories short enough to follow it, and index of one that does not
+_LINE_S, _FREQUENCY_S = 0.1, 0.3  # [s] averaging times of a vibration's amplitude and of its frequency
+# shares of the power beside the steady memory that remain without the vibration: it is not removed, and wholly
+_MAX_REMAINDER, _SMALL_REMAINDER = 0.5, 0.2
+_STEADY = 4  # index of a memory that does not follow it
+_POLES = 3.0  # of a memory, which follows fast vibration by _POLES / (angular frequency x time constant)
 _MAX_EXTRAPOLATION = 1.5  # beyond the newest sample, in time constants
 _MIN_EXTRAPOLATION_S = 0.03  # [s]
 _STILL = np.zeros(3)
@@ -36,11 +40,22 @@ _STATE = np.dtype(
         ("ages", "f8", _COUNT),
         ("last", "f8", (3, 3)),  # a sample's difference from the steady memory, its first and second difference
         ("swings", "f8", 3),  # mean squares: difference from the steady memory, its first and third difference
+        # vibration of one frequency: its value and quadrature, the last two differences from the steady memory but for
+        # the slow one, mean products of these that give frequency, and mean squares without and with the vibration
+        ("line", "f8", (2, 3)),
+        ("slow", "f8", 3),  # difference from the steady memory beside the vibration
+        ("recent", "f8", (2, 3)),
+        ("products", "f8", 2),
+        ("powers", "f8", 2),
+        ("removed", "f8"),  # share of the vibration that is subtracted
+        ("left", "f8"),  # share of the power that remains, at least
+        ("bias", "f8", (2, _COUNT)),  # mean square error of value and slope, beyond noise
         ("newest", "f8"),
         ("period", "f8"),
         ("quiet", "f8"),
         ("chosen", "i8"),
         ("variance", "f8", (3, 3)),  # of the chosen memory
+        ("slope_noise", "f8"),  # its standard deviation without bias
         ("sample_noise", "f8"),  # standard deviation of an axis
     ]
 )  # fmt: skip
@@ -62,12 +77,13 @@ class Memories:
         for k in range(2):  # compile the functions of a tick
             self.add(float(k), np.zeros(3))
             self.at(float(k))
+            self.ahead(float(k))
         self.clear()
 
     def clear(self) -> None:
         """Discard all samples."""
         self.state = np.zeros(1, _STATE)
-        self.state["quiet"], self.state["covariance"] = self._quiet, _PRIOR_COVARIANCE
+        self.state["quiet"], self.state["covariance"], self.state["left"] = self._quiet, _PRIOR_COVARIANCE, 1.0
         self.newest, self.first = -math.inf, math.inf
         self.noise = 0.0  # standard deviation of an axis of a sample
 
@@ -85,11 +101,22 @@ class Memories:
             self.noise = _add(self.state, stamp - self.newest, stamp, vector, _STILL if turning is None else turning)
         self.newest = stamp
 
+    @property
+    def shaking(self) -> float:
+        """Standard deviation of an axis of a sample from the steady memory, vibration included."""
+        return math.sqrt(float(self.state["powers"][0, 1]) / 3.0)
+
+    def ahead(self, time: float, turning: Floats | None = None) -> Floats:
+        """Return the value at the time [s] of the next sample, and its vibration of one frequency, (2, 3)."""
+        out = np.empty((2, 3))
+        _ahead(self.state, time - self.newest, _STILL if turning is None else turning, out)
+        return out
+
     def at(self, time: float, turning: Floats | None = None) -> Floats:
         """Return value, slope and standard deviations (3, 3) at a time [s], extrapolated from the newest sample.
 
         All are zero before the first sample. The slope excludes the rotation of the axes, `turning` (3,) [rad/s]; the
-        last row has the standard deviations of an axis of value and slope, and 0.
+        last row has the standard deviations of an axis of value and slope, and that of the slope by noise alone.
         """
         out = np.empty((3, 3))
         _at(self.state, time - self.newest, _STILL if turning is None else turning, out)
@@ -122,9 +149,10 @@ def _add(memory: Any, dt: float, stamp: float, vector: Floats, turning: Floats) 
     turn_matrix(dt * turning, back)
     for k in range(_COUNT):
         _advance(m.states[k], m.covariance[k], min(dt / _LENGTHS[k], 5.0), back)
-    _watch_swings(m, dt, vector)
+    calm = _without_line(m, dt, vector)
+    _watch_swings(m, dt, calm)
     for k in range(_COUNT):
-        m.states[k, 3] += vector
+        m.states[k, 3] += calm
         m.ages[k] += dt * m.taken[k]
         m.taken[k] += 1.0
         if stamp - m.begun[k] >= _BLOCKS[k] - 0.5 * dt:
@@ -136,8 +164,7 @@ def _add(memory: Any, dt: float, stamp: float, vector: Floats, turning: Floats) 
             m.states[k, 3] = 0.0
             m.taken[k], m.ages[k], m.begun[k] = 0.0, 0.0, stamp
     known = _noises(m)
-    m.chosen = _choose(m, known)
-    m.variance[:] = _WHITE * known[m.chosen] * m.covariance[m.chosen]
+    _choose(m, known, min(1.0, dt / _NOISE_S))
     return math.sqrt(known[0])
 
 
@@ -192,6 +219,67 @@ def _correct(state: Floats, covariance: Floats, taken: float, age: float) -> flo
 
 
 @compiled
+def _line_ahead(m: Any, dt: float, line: Floats) -> float:
+    """Write value and quadrature (2, 3) of the vibration after dt [s]; return its angle in a sample, 0 if slow."""
+    cosine = 0.5 * m.products[0] / max(m.products[1], 1e-300)
+    angle = math.acos(max(-1.0, min(1.0, cosine)))
+    angle = angle if angle > 2.0 * math.pi * _VIBRATION_HZ * m.period else 0.0
+    turned = angle * max(1.0, round(dt / max(m.period, 1e-9)))  # whole samples: it may be aliased
+    c, s = math.cos(turned), math.sin(turned)
+    for i in range(3):
+        line[0, i] = c * m.line[0, i] - s * m.line[1, i]
+        line[1, i] = s * m.line[0, i] + c * m.line[1, i]
+    return angle
+
+
+@compiled
+def _ahead(memory: Any, age: float, turning: Floats, out: Floats) -> None:
+    """Write the value at an age [s] of the newest sample and the vibration of the next one (2, 3)."""
+    at = np.empty((3, 3))
+    _at(memory, age, turning, at)
+    _line_ahead(memory[0], age, out)
+    for i in range(3):
+        out[1, i] = memory[0].removed * out[0, i]
+        out[0, i] = at[0, i]
+
+
+@compiled
+def _without_line(m: Any, dt: float, vector: Floats) -> Floats:
+    """Return a sample (3,) without the vibration of one frequency, also an aliased one, as the last samples predict it.
+
+    Samples of a line obey x[k] + x[k-2] = 2 cos(angle) x[k-1], which gives its angle by least squares. As more of it is
+    subtracted, earlier blocks of the memories are that much noisier than new ones.
+    """
+    line, calm = np.empty((2, 3)), vector.copy()
+    angle = _line_ahead(m, dt, line)
+    slow, fast, powers, products = min(1.0, dt / _FREQUENCY_S), min(0.3, dt / _LINE_S), np.zeros(2), np.zeros(2)
+    for i in range(3):
+        off = vector[i] - m.states[_STEADY, 0, i] - m.slow[i]
+        error = off - line[0, i]
+        calm[i] -= m.removed * line[0, i]
+        m.slow[i] += fast * error
+        powers[0] += error * error
+        powers[1] += off * off
+        products[0] += (off + m.recent[1, i]) * m.recent[0, i]
+        products[1] += m.recent[0, i] ** 2
+        line[0, i] += 2.0 * fast * error
+        m.recent[1, i], m.recent[0, i] = m.recent[0, i], off
+    m.line[:] = line if angle > 0.0 else 0.0 * line
+    m.products += slow * (products - m.products)
+    m.powers += fast * (powers - m.powers)
+    remainder = (m.powers[0] + 3.0 * m.quiet) / (m.powers[1] + 3.0 * m.quiet)
+    share = max(0.0, min(1.0, (_MAX_REMAINDER - remainder) / (_MAX_REMAINDER - _SMALL_REMAINDER)))
+    m.removed, before = share, m.left
+    left = remainder + (1.0 - share) ** 2 * max(0.0, 1.0 - remainder)
+    m.left = min(before, left) if share > 0.0 else 1.0
+    if m.left != before:
+        m.noise *= m.left / before
+        m.swings *= m.left / before
+        m.covariance *= max(1.0, before / m.left)
+    return calm
+
+
+@compiled
 def _watch_swings(m: Any, dt: float, vector: Floats) -> None:
     """Update mean squares of the samples' differences from the steady memory, and of their differences in time."""
     squares = np.zeros(3)
@@ -216,32 +304,55 @@ def _noises(m: Any) -> Floats:
     for k in range(1, _COUNT):
         white = last * max(_BLOCKS[k - 1], m.period) / max(_BLOCKS[k], m.period)
         known[k] = last = white if m.blocks[k] < 8.0 else max(min(m.noise[k], white), 1e-3 * white)
-    difference, steps, thirds = m.swings
-    white = thirds / 20.0  # third differences exclude vibration of a few hertz
-    slow = (2.0 * math.pi * _VIBRATION_HZ * m.period) ** 2
-    if difference > 1.5 * white and steps - 2.0 * white > slow * (difference - white):
-        for k in range(_FOLLOWERS):
-            known[k] = max(known[k], difference)
     return known
 
 
 @compiled
-def _choose(m: Any, known: Floats) -> int:
-    """Return the memory of least variance that no shorter one contradicts in value or slope."""
-    spreads, chosen, least = np.empty((2, _COUNT)), 0, np.inf
+def _vibration(m: Any) -> tuple[float, float]:
+    """Return the variance of an axis by vibration, 0 for none, and its angular frequency [rad/s]."""
+    difference, steps, thirds = m.swings
+    white = thirds / 20.0  # third differences exclude vibration of a few hertz
+    shaken = difference - white
+    frequency = math.sqrt(max(steps - 2.0 * white, 0.0) / max(shaken, 1e-300)) / max(m.period, 1e-9)
+    if difference > 1.5 * white and frequency > 2.0 * math.pi * _VIBRATION_HZ:
+        return shaken / 3.0, frequency
+    return 0.0, 1.0
+
+
+@compiled
+def _choose(m: Any, known: Floats, share: float) -> None:
+    """Choose the memory of least mean square error that no shorter one contradicts in value or slope.
+
+    Its variances include the vibration that it follows, and its bias: what it differs from a shorter one beyond noise.
+    """
+    spreads, errors, chosen, least = np.empty((2, _COUNT)), np.empty((2, _COUNT)), 0, np.inf
+    shaken, frequency = _vibration(m)
     for k in range(_COUNT):
-        spreads[0, k] = _WHITE * known[k] * m.covariance[k, 0, 0]
+        follows = min(1.0, (_POLES / (frequency * _LENGTHS[k])) ** 2)
+        spreads[0, k] = _WHITE * known[k] * m.covariance[k, 0, 0] + shaken * follows
         spreads[1, k] = _WHITE * known[k] * m.covariance[k, 1, 1] / _LENGTHS[k] ** 2
+        spreads[1, k] += shaken * min(frequency**2, follows / _LENGTHS[k] ** 2)
         agrees = True
         for j in range(k):
             for d in range(2):
                 apart = 0.0
                 for i in range(3):
                     apart += (m.states[k, d, i] / _LENGTHS[k] ** d - m.states[j, d, i] / _LENGTHS[j] ** d) ** 2
-                agrees = agrees and apart <= _MAX_DISAGREEMENT * (spreads[d, k] + spreads[d, j])
-        if agrees and spreads[0, k] < least:
-            chosen, least = k, spreads[0, k]
-    return chosen
+                largest = _MAX_DISAGREEMENT * (spreads[d, k] + spreads[d, j])
+                agrees = agrees and apart <= largest
+                if j == k - 1:
+                    m.bias[d, k] += share * (min(apart, largest) / 3.0 - spreads[d, j] - m.bias[d, k])
+        after = min(k + 1, _COUNT - 1)
+        for d in range(2):  # a bias grows with the time constant to the power of 3 - d
+            growth = (_LENGTHS[after] / _LENGTHS[k]) ** (3 - d) - 1.0 if after > k else np.inf
+            errors[d, k] = spreads[d, k] + max(0.0, m.bias[d, k], m.bias[d, after] / growth**2)
+        if agrees and errors[0, k] < least:
+            chosen, least = k, errors[0, k]
+    m.chosen = chosen
+    m.variance[:] = _WHITE * known[chosen] * m.covariance[chosen]
+    m.variance[0, 0] = errors[0, chosen]
+    m.variance[1, 1] = errors[1, chosen] * _LENGTHS[chosen] ** 2
+    m.slope_noise = math.sqrt(spreads[1, chosen])
 
 
 @compiled
@@ -261,7 +372,7 @@ def _at(memory: Any, age: float, turning: Floats, out: Floats) -> None:
             out[1, i] += back[i, j] * (state[1, j] + t * state[2, j]) / length
     value = v[0, 0] + t * (2.0 * v[0, 1] + t * (v[0, 2] + v[1, 1] + t * (v[1, 2] + 0.25 * t * v[2, 2])))
     slope = v[1, 1] + t * (2.0 * v[1, 2] + t * v[2, 2])
-    out[2, 0], out[2, 1] = math.sqrt(max(value, 0.0)), math.sqrt(max(slope, 0.0)) / length
+    out[2, 0], out[2, 1], out[2, 2] = math.sqrt(max(value, 0.0)), math.sqrt(max(slope, 0.0)) / length, m.slope_noise
 
 
 @compiled

@@ -28,6 +28,7 @@ _BIAS, _BIAS_AT_REST = 0.05, 0.005  # [rad/s] prior standard deviation of the bi
 _NOISE = 0.03  # [m/s2] of the residual, beyond the sensor's noise
 _MISTUNING_SHARE = 0.04  # of the effect of turning: scale and alignment errors of a cheap, correct sensor
 _ROWS_PER_S = 12.0  # independent rows in a second
+_SLOWNESS = 8.0  # rows over which an acceleration of the base lasts
 
 
 class VariantFit(NamedTuple):
@@ -61,6 +62,7 @@ class GyroEvidence:
         self._variants = np.ascontiguousarray(matrices), np.array(delays), np.array(is_late)
         self._place, self._spans = np.array(place, dtype=float), np.array(spans, dtype=float)
         self._fitted = np.zeros((count, 4))
+        self._scatter = np.full(len(self._spans), np.inf)  # [m2/s4] of a row that the best variant leaves
         self.state = np.zeros(
             1,
             np.dtype(
@@ -134,12 +136,14 @@ class GyroEvidence:
         state = self.state[0]
         if state["weights"][span, :, 0, 0].sum() < 3.0 * _MIN_ROWS:
             return None
-        variance = _NOISE**2 + drift**2 + (0.5 * noise[0]) ** 2
+        # accelerations of the base are no larger than what no variant explains
+        variance = _NOISE**2 + min(drift**2, _SLOWNESS * self._scatter[span]) + (0.5 * noise[0]) ** 2
         # the noise of angular acceleration, over the distance from the origin
         swing = noise[1] * math.sqrt(state["period"] / 2.0) / _ROW_S**1.5
         variance += swing**2 * float(self._place @ self._place)
         bias, out = np.empty(3), self._fitted
         _fit(self.state, span, variance, _BIAS_AT_REST if rested else _BIAS, self._variants[2], bias, out)
+        self._scatter[span] = out[:, 0].min() / state["weights"][span, :, 0, 0].max()
         across, along, *turn = state["upright"][span].sum(axis=0).tolist()
         return VariantFit(out[:, 0], out[:, 1], out[:, 2], out[:, 3], bias, across < 0.3 * along, math.hypot(*turn))
 

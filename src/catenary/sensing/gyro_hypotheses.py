@@ -103,7 +103,6 @@ class Result(NamedTuple):
     remedy: str = ""  # correction, as text
     variants: tuple[int, ...] = ()  # indices of those that correct it about as well
     bias: Floats | None = None  # (3,) [rad/s] of the gyroscope as read
-    matrix: Floats | None = None  # (3, 3) from its axes, or the accelerometer's, to the true ones
 
 
 def evidence(place: Floats, spans: Sequence[float]) -> GyroEvidence:
@@ -154,7 +153,7 @@ def compare(
         alike = [
             k for k, (other, _) in enumerate(_VARIANTS) if other is record and gains[k] > gains[best] - _CONFIRM_NATS
         ]
-        return Result(record.fault, remedy=record.remedy(variant), variants=tuple(alike), matrix=variant.matrix)
+        return Result(record.fault, remedy=record.remedy(variant), variants=tuple(alike))
     counts = fit.differences > _MIN_DIFFERENCE**2
     rivals = gains - _SHARES * _PRICES
     is_right = counts.any() and (rivals[counts] < -_CONFIRM_NATS).all()
@@ -191,17 +190,15 @@ class TurningWatch:
         self._due = np.array([-np.inf, -np.inf])  # [s] of the next comparison over each span
 
     def mistaken(self, gravity: Floats) -> float:
-        """Return the error of gravity (3,) [m/s2] if the accelerometer's axes have changed, not the gyroscope's.
+        """Return the error of gravity (3,) [m/s2], at most, if the accelerometer's axes changed, not the gyroscope's.
 
-        It is 0 unless the gyroscope was confirmed before: the accelerometer is trusted first.
+        It is 0 unless the gyroscope was confirmed before: the accelerometer is trusted first. Rates do not show if all
+        of its axes are negated, so the smaller change is taken.
         """
-        if (
-            not self._was_right
-            or self.result.matrix is None
-            or self.result.fault not in (Fault.RATE_SIGN, Fault.RATE_AXES)
-        ):
+        if not self._was_right or self.result.fault not in (Fault.RATE_SIGN, Fault.RATE_AXES):
             return 0.0
-        return float(np.linalg.norm(gravity - gravity @ self.result.matrix))
+        turned = gravity @ np.array([_VARIANTS[k][1].matrix for k in self.result.variants])
+        return float(np.linalg.norm([gravity - turned, gravity + turned], axis=2).min(axis=0).max())
 
     def doubt(self) -> None:
         """Withdraw a confirmation after a jump of rates that no base can make."""

@@ -101,6 +101,7 @@ class PredictedGravity:
         self.apart = 0.0  # [m/s2] remaining difference
         self._off, self._bias, self._rate, self._speed = np.zeros((4, 3))  # of readings from it, smoothed; of rates
         self._length, self._began, self._judged_from = 0.0, math.inf, math.inf
+        self._deviation = 0.0  # [m/s2] of predicted gravity
         self._lively = 0.0  # [m2/s4] variance of the length: upward accelerations come with horizontal ones
         self._stamp = self._rate_stamp = -math.inf
         self._turning = 0.0  # [rad/s] largest recent rate
@@ -133,7 +134,7 @@ class PredictedGravity:
             self._gravity = gravity if stamp - self._rate_stamp < GravityCheck.GAP else None
             self._off, self._speed, self._length, self._began = np.zeros(3), np.zeros(3), norm(gravity), stamp
             self._judged_from, self._is_resting = stamp + self.START, True
-            self.disagrees = False
+            self.disagrees, self._deviation = False, deviation
             return False
         off = gravity - self._gravity
         age = stamp - self._began
@@ -147,11 +148,13 @@ class PredictedGravity:
         self._length += self._share(stamp, dt, self.DRAW if longer > 0.0 else self.SHORTENING) * longer
         self._lively += min(1.0, dt / self.DRAW) * ((norm(gravity) - STANDARD_GRAVITY) ** 2 - self._lively)
         leant = self._leant(now)
-        known = leant + self._leant(self._gravity) + 3.0 * deviation
+        known = leant + self._leant(self._gravity) + 3.0 * (deviation + self._deviation)
         apart = size - known
         # a push that shows in the length does not change the prediction
         drawn = max(0.0, 1.0 - leant / max(size, 1e-9)) if stamp > self._judged_from else 1.0
-        self._gravity = self._gravity + drawn * self._share(stamp, dt, self._draw) * off
+        share = drawn * self._share(stamp, dt, self._draw)
+        self._gravity = self._gravity + share * off
+        self._deviation += share * (deviation - self._deviation)  # as if their errors were one
         judged = self._turning < self.STILL_RATE and stamp > self._judged_from
         self._speed *= math.exp(-dt / self.SPEED_S)
         if judged and apart > 0.0 and (self._is_resting or self._draw == self.DRAW_RESTED):  # its bias is known
@@ -168,6 +171,8 @@ class PredictedGravity:
             self.disagrees = False
         if self._before is not None:
             self._watch_return(stamp, norm(now - self._before), known)
+        else:  # it is no push by the odds of so much speed
+            self.apart = max(0.0, apart) * (norm(self._speed) / (limit * self.PUSH_S)) ** 2 if judged else 0.0
         return self.disagrees
 
     def _watch_return(self, stamp: float, apart: float, known: float) -> None:

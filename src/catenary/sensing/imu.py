@@ -251,7 +251,7 @@ class SensedGravity:
             if fault is Fault.NONE and now - sample.stamp > self._ages.age_limit:
                 fault = Fault.STAMP_OLD
             # under vibration a saturated reading is closer to the truth than an older one
-            clipped = fault is Fault.SATURATED and self._force.noise > _SHAKING_NOISE
+            clipped = fault is Fault.SATURATED and self._force.shaking > _SHAKING_NOISE
             if fault is Fault.NONE or clipped:
                 self._memory.show(fault, now)
                 fault = self._take_rate(sample) if turns else self._take_force(sample)
@@ -259,10 +259,16 @@ class SensedGravity:
             self._memory.show(fault, now)
 
     def _take_force(self, sample: SensorSample) -> Fault:
-        stamp, vector, kind = sample
-        check = self._check
-        gravity = self.mounting.gravity(np.array(vector), kind)
-        in_sensor = gravity @ self.mounting.rotation
+        stamp, check = sample.stamp, self._check
+        rate, swing = None, 0.0
+        if self._rate_is_fresh(stamp):
+            rate, alpha, _ = self._rates.at(stamp)
+            swing = max(0.0, norm(alpha) - _NOISY_SWING)
+        expected, vibration = self._force.ahead(stamp, rate)
+        gravity = self._unclipped(sample, expected + vibration)
+        is_shaken = norm(gravity - vibration - expected) < norm(gravity - expected)
+        calm = gravity - vibration if is_shaken else gravity
+        in_sensor = calm @ self.mounting.rotation
         if self._predicted.disagrees:
             # this may show which sensor is wrong
             self._watch.add_gravity(stamp, in_sensor, (self._force.noise, self._rates.noise))
@@ -273,14 +279,9 @@ class SensedGravity:
         if self._believed > -math.inf and _FORGET_AFTER_S < stamp - check.last_stamp < math.inf:
             check.forget()
             self._force.clear()
-        rate, swing = None, 0.0
-        if self._rate_is_fresh(stamp):
-            rate, alpha, _ = self._rates.at(stamp)
-            swing = max(0.0, norm(alpha) - _NOISY_SWING)
-        expected = self._force.at(stamp, rate)[0]
         if self._force.newest > -math.inf:
-            self._sudden = max(0.0, norm(gravity - expected) - _MAX_INNOVATION - 3.0 * self._force.noise)
-        fault = check.fault(stamp, gravity, expected, None if rate is None else rate - self._drift, swing)
+            self._sudden = max(0.0, norm(calm - expected) - _MAX_INNOVATION - 3.0 * self._force.noise)
+        fault = check.fault(stamp, calm, expected, None if rate is None else rate - self._drift, swing)
         if fault is not Fault.NONE or check.reference is None:
             return fault
         self._watch.add_gravity(stamp, in_sensor, (self._force.noise, self._rates.noise))
@@ -290,6 +291,15 @@ class SensedGravity:
         self._held = self._motion(stamp, self._rate_is_known and self._rate_is_fresh(stamp))[0]
         self._attitude.add(stamp, self._held)
         return Fault.MAGNITUDE if check.is_long else Fault.NONE
+
+    def _unclipped(self, sample: SensorSample, expected: Floats) -> Floats:
+        """Return gravity (3,) of a reading; of axes at the end of their range what is expected (3,) beyond it."""
+        reading, kind = np.array(sample.vector), sample.kind
+        if max(map(abs, sample.vector)) >= self._force_raw.end:
+            beyond = self.mounting.reading(expected, kind)
+            clipped = (np.abs(reading) >= self._force_raw.end) & (beyond * np.sign(reading) > np.abs(reading))
+            reading = np.where(clipped, beyond, reading)
+        return self.mounting.gravity(reading, kind)
 
     def _follows(self, stamp: float, gravity: Floats) -> bool:
         """Filter a reading; return true if the gyroscope contradicts it."""
@@ -374,12 +384,15 @@ class SensedGravity:
         self, time: float, status: ReadingStatus, turning: bool, dt: float
     ) -> tuple[ReadingStatus, Fault, float]:
         """Return the status of measured gravity, the fault that keeps it from being live, and its deviation [m/s2]."""
-        deviation = float(self._at[1, 2, 0])
+        variance = 3.0 * float(self._at[1, 2, 0]) ** 2  # of the three axes
+        if turning:  # of alpha x p and omega x (omega x p), which lag: three deviations in place of two
+            rate, change = self._at[0, 2, :2].tolist()
+            variance += 2.25 * self._place**2 * (2.0 * change**2 + (2.0 * norm(self._at[0, 0]) * rate) ** 2)
         lasting = math.exp(-dt / _DOUBT_S)
         self._doubted = max(self._doubt(time, turning), self._doubted * lasting)
         self._ahead = max(self._sudden, self._ahead * lasting)
         doubts = (
-            2.0 * math.sqrt(3.0) * deviation, self._doubted, self._ahead, self._transfer.behind, self._check.length_off,
+            2.0 * math.sqrt(variance), self._doubted, self._ahead, self._transfer.behind, self._check.length_off,
             self._force.noise * min(1.0, _CLIPPED_SHARE * self._clipped), max(self._predicted.apart, self._mistaken),
         )  # fmt: skip
         reason, total = Fault.NONE, sum(doubts)
@@ -420,16 +433,14 @@ class SensedGravity:
         place = self._place
         if place == 0.0:
             return 0.0
-        unused = 0.0
-        rates, force = self._at
+        unused, force = 0.0, self._at[1]
         if time - self._rates.newest <= self._ages.stale_after:
             if turning:
-                rate, change = rates[2].tolist()[:2]
-                return 4.0 * place * (math.sqrt(2.0) * change + 2.0 * norm(rates[0]) * rate)
+                return 0.0
             omega, alpha, _ = self._rates.at(time)
             unused = norm(lever(self._position, omega, alpha))  # unconfirmed rates may be right
         # gravity's slope may come from the lever arm alone, as in a turn about the vertical, or from a tilt
-        moves = max(0.0, norm(force[1]) - 5.0 * float(force[2, 1]))
+        moves = max(0.0, norm(force[1]) - 5.0 * float(force[2, 2]))
         own = moves / STANDARD_GRAVITY
         return max(unused, min(1.25 * _TURN_S * moves, place * (own * own + own / _TURN_START_S)))
 

@@ -27,6 +27,7 @@ _MEAN_S = 60.0  # [s] averaging time over which the accelerations of every base 
 _EVEN_LENGTH, _SMOOTH_S = 0.06, 0.3  # [m/s2] band of a constant length, and its smoothing time [s]
 # [s] longest constant acceleration of a base, and of one that heaves slowly; [m/s2] least length error that counts
 _EVEN_S, _EVEN_SLOW_S, _MIN_LENGTH_ERROR = 2.5, 10.0, 0.3
+_EVEN_FROM_START_S = 0.8  # [s] the same of a base that has not been at rest yet
 _REST_SPREAD = 0.3  # [m/s2] largest standard deviation at rest, of the three axes together
 _ROUGH_SIGMAS = 4.0  # largest step of vibration and noise, in standard deviations
 _EYE = np.eye(3)
@@ -102,7 +103,7 @@ class RawCheck:
         """
         self._stuck_samples = stuck_samples
         # values far beyond the range are not saturation, but another unit or a spike
-        self._end, self._beyond = 0.995 * full_range, 1.05 * full_range
+        self.end, self._beyond = 0.995 * full_range, 1.05 * full_range
         self._not_finite, self._stuck, self._saturated = faults
         self._newest = -math.inf
         self._last: Vector = (math.nan, math.nan, math.nan)
@@ -125,7 +126,7 @@ class RawCheck:
         self._last = vector
         if self._same >= self._stuck_samples > 0:
             return self._stuck
-        if self._end <= largest <= self._beyond:
+        if self.end <= largest <= self._beyond:
             return self._saturated
         return Fault.NONE
 
@@ -166,6 +167,7 @@ class GravityCheck:
         self._leapt_at, self._leapt_from = math.inf, 0.0  # [s] of the last jump in length, and the length before it
         self._length, self._even, self._even_since = STANDARD_GRAVITY, 0.0, math.inf  # smoothed; constant value, since
         self._outwards = 0.0  # [m/s2] change of length by rotation
+        self._rested = False  # the length was gravity's once
         self.steady_since = math.inf
 
     @property
@@ -184,7 +186,8 @@ class GravityCheck:
     def length_off(self) -> float:
         """Length error that no motion of a base explains, constant or averaged over a minute [m/s2]; 0 for none."""
         steadily = abs(self._length - STANDARD_GRAVITY) - self._outwards
-        if self.last_stamp - self._even_since > (_EVEN_S if self._base.slow_acceleration == 0.0 else _EVEN_SLOW_S):
+        longest = _EVEN_S if self._rested else _EVEN_FROM_START_S
+        if self.last_stamp - self._even_since > (longest if self._base.slow_acceleration == 0.0 else _EVEN_SLOW_S):
             return steadily if steadily > _MIN_LENGTH_ERROR else 0.0
         off = abs(self._lengths[1] - STANDARD_GRAVITY)
         is_sure = self.last_stamp - self._mean_since > _MEAN_S
@@ -211,7 +214,9 @@ class GravityCheck:
             return self._begin(stamp, gravity, dt, step, limit)
         outwards = 0.0 if rate is None else self._lever * (float(rate @ rate) + swing)
         self._outwards = max(outwards, self._outwards * math.exp(-dt / self._base.mean_time))
-        self._length += min(1.0, dt / _SMOOTH_S) * (norm(expected) - self._length)
+        share = 1.0 if self._even == 0.0 else min(1.0, dt / _SMOOTH_S)
+        self._length += share * (norm(expected) - self._length)
+        self._rested |= abs(self._length - STANDARD_GRAVITY) < _MIN_LENGTH_ERROR
         if abs(self._length - self._even) > _EVEN_LENGTH:
             self._even, self._even_since = self._length, stamp
         fault = self._length_fault(length, expected)

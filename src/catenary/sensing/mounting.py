@@ -60,6 +60,11 @@ class Mounting:
         turned: Floats = force @ self.rotation.T
         return turned if kind is Kind.FREE_FALL else -turned
 
+    def reading(self, gravity: Floats, kind: Kind) -> Floats:
+        """Return the reading (3,) of a kind [m/s2] for free-fall acceleration (3,) at the sensor in base axes."""
+        force = gravity @ self.rotation * (1.0 if kind is Kind.FREE_FALL else -1.0)
+        return np.asarray(force * self.scale + self.bias)
+
     def rate(self, reading: Floats) -> Floats:
         """Return angular velocity (..., 3) in base axes from gyroscope readings (..., 3) [rad/s]."""
         return (reading - self.rate_bias) @ self.rotation.T
