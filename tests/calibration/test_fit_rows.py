@@ -220,3 +220,11 @@ def test_an_input_that_positions_determine_in_training_is_left_out() -> None:
     assert (rms_of_several < 5e-4).all()
     # what the torque differs by, and no more
     assert (rms_of_level < 1.2 * 0.05 * 2.0 * np.sin(0.1) * np.array([1.0, 0.3])).all()
+
+
+@pytest.mark.parametrize("rows", [12, 40, 80, 300])
+def test_an_input_of_its_own_is_kept_however_few_the_rows(rows: int) -> None:
+    rng = np.random.default_rng(rows)
+    run = replace(on_a_base(0.0, 0, rows), signals={"gravity:J1": rng.normal(size=rows)})
+    options = FitOptions(inputs=("q:J1", "q:J2", "gravity:J1")).of_kind(LEARNED, None)
+    assert choose_inputs(Recordings.of([run]), options).determined == ()

@@ -104,10 +104,9 @@ def fit_recordings(
 
 def _determined_notes(signals: Sequence[str]) -> list[str]:
     """Return a note on inputs that were left out because the positions determine them."""
-    what = (
-        f"{', '.join(signals)}: left out, as the positions alone determine it here, as they do gravity on a base that"
-    )
-    return [f"{what} stands; record on other bases, or with other loads, to use it"] * bool(signals)
+    why = "as positions alone determine it here, as they do gravity on a base that stands"
+    remedy = "record on other bases, or with other loads, to use it"
+    return [f"{', '.join(signals)}: left out, {why}; {remedy}"] * bool(signals)
 
 
 def _far_notes(data: CalibrationData, left: Floats) -> list[str]:

@@ -90,15 +90,14 @@ def _determined(logs: Sequence[MotionLog], per_joint: Sequence[Sequence[str]]) -
         return ()
     known = signals_of(logs[0])
     sets = [FeatureSet(names, tuple(known[name][1] for name in names)) for names in (positions, others)]
-    q, Y = (np.vstack([features.matrix(log) for log in logs]) for features in sets)
-    rows = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(Y).all(axis=1))
-    rows = rows[spread(len(rows), _COMPARED_ROWS)]
-    if len(rows) < MIN_ROWS:
-        return ()
-    terms = terms_of(q[rows], sets[0], np.arange(len(positions))).of(q[rows])
-    Z, Y = ((values - mean) / scale for values in (terms, Y[rows]) for mean, scale in [standardisation(values)])
-    left = Y - Z @ np.linalg.solve(Z.T @ Z + np.eye(Z.shape[1]), Z.T @ Y)
-    return tuple(name for name, share in zip(others, left.std(axis=0), strict=True) if share < _DETERMINED_SHARE)
+    count = -(-_COMPARED_ROWS // len(logs))
+    q, Y = (np.vstack([part.signal_rows(log)[spread(len(log), count)] for log in logs]) for part in sets)
+    terms = terms_of(q, sets[0], np.arange(len(positions))).of(q)
+    Z, Y = ((values - mean) / scale for values in (terms, Y) for mean, scale in [standardisation(values)])
+    # of rows that the weights did not see: few rows are explained by as many terms, whatever they are
+    weights = np.linalg.solve(Z[::2].T @ Z[::2] + np.eye(Z.shape[1]), Z[::2].T @ Y[::2])
+    left = np.sqrt(np.mean(np.square(Y[1::2] - Z[1::2] @ weights), axis=0)) if len(Y) > 1 else np.ones(len(others))
+    return tuple(name for name, share in zip(others, left, strict=True) if share < _DETERMINED_SHARE)
 
 
 def joint_inputs(log: MotionLog) -> tuple[str, ...]:
