@@ -10,9 +10,6 @@ SEED = 1  # odd: the estimator was developed on even ones
 CLOSE = 1.1  # times the best baseline's error, that it may have
 LIVE_WITHIN, LIVE_SHARE = 0.2, 0.9  # [m/s2] error of the best baseline where gravity must be live so often
 WRONG_S = 0.5  # [s] of live gravity off by more than 0.3 m/s2
-# the same where an accelerometer that creeps reads what one reads on a base that moves off: by 1.5 deg/s, an acceleration
-# that grows by 0.26 m/s2 a second, which a cart may have until it rolls at 1 m/s, 2.8 s later, 1.6 s after 0.3 m/s2
-WRONG_CREEPING_S = 1.6
 SMALL = 0.15  # [m/s2] RMS error that is small
 
 
@@ -27,7 +24,7 @@ def _tried(name: str) -> Outcome:
     best = min(baselines.values())
     is_wrong_gyroscope = bool(base.late or (base.rate_as.diagonal() != 1.0).any())
     doubts = []
-    if wrong > (WRONG_CREEPING_S if base.creep else WRONG_S):
+    if wrong > WRONG_S:
         doubts.append("live and wrong")
     if bool(remedy) != is_wrong_gyroscope:
         doubts.append("accused" if remedy else "not accused")
