@@ -28,7 +28,6 @@ METHOD_COLORS = {
     "linear": "#4b6b94",
     "polynomial": "#c9a227",
     "network": "#d9622b",
-    "network of ours": "#2f8f6b",
     "learner": "#2f8f6b",
 }
 

@@ -48,6 +48,7 @@ MARKS = {
     "reproduced": "✓", "same direction": "~", "not reproduced": "✗", "cannot be judged by one session": "?",
     "not measured": "-",
 }  # fmt: skip
+BESIDE = {"nominal": "nominal robot alone", "variant": "encoders off their centres"}
 LEGEND = "✓ reproduced, ~ same direction, ✗ not reproduced, ? one session cannot tell, - not judged yet"
 # names of groups of claims and the pages that are about them
 GROUPS = {
@@ -221,7 +222,7 @@ def page_of(content: Mapping[str, Any]) -> str:
                 "place": one["place"],
                 "published": one["published"],
                 "here": one["measured"],
-                **({"nominal robot alone": one["nominal"]} if "nominal" in one else {}),
+                **{title: one[name] for name, title in BESIDE.items() if name in one},
                 "verdict": shown_verdict(one["verdict"], fitted=one["fitted"]),
                 "criterion": f"{one['criterion']}{' (older)' if one.get('older') else ''}",
             }

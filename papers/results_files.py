@@ -60,10 +60,8 @@ def summary(
     outcomes: Outcomes,
 ) -> dict[str, Any]:
     """Return an experiment's table of results as plain data: what docs quote, and where it comes from."""
-    alone = judged(experiment, outcomes.nominal) if claims and outcomes.nominal else []
-    nominal = [{"nominal": f"{judgement.measured}: {judgement.verdict}"} for _, judgement in alone] or [
-        {} for _ in claims
-    ]
+    views = {"nominal": outcomes.nominal, "variant": outcomes.variant}
+    beside = {name: judged(experiment, view) for name, view in views.items() if view}
     return {
         "name": experiment.name,
         "paper": experiment.paper,
@@ -94,9 +92,9 @@ def summary(
                 "criterion": claim.criterion,
                 "measured": judgement.measured,
                 "verdict": judgement.verdict,
-                **of_nominal,
+                **{name: f"{of[k][1].measured}: {of[k][1].verdict}" for name, of in beside.items()},
             }
-            for (claim, judgement), of_nominal in zip(claims, nominal, strict=True)
+            for k, (claim, judgement) in enumerate(claims)
         ],
     }
 

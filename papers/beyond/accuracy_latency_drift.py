@@ -29,9 +29,9 @@ from papers.calibration.peers.recurrent import PREVIOUS, fit_recurrent
 from papers.calibration.peers.rows import rows_of_log
 from papers.calibration.peers.two_phase import fit_two_phase
 from papers.calibration.published import TABLE_3_OURS
-from papers.calibration.recordings import LEARNER, NETWORK, SETS, at_rows, calibration_log, draws, fitted, homed
-from papers.calibration.six_hours import OFFSET, fit_options, six_hours
-from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Scope, run
+from papers.calibration.recordings import LEARNER, NETWORK, at_rows, calibration_log, draws, fitted, homed
+from papers.calibration.six_hours import OFFSET, fit_options
+from papers.experiment import Case, Experiment, Outcomes, Report, Result, Scope, run
 from papers.figures import legend_below, panels
 from papers.kit import IN_UNITS, JOINTS, UNITS, cells, rows, table
 
@@ -88,14 +88,9 @@ def _microseconds(call: Callable[[], object]) -> float:
 
 
 def cases(scope: Scope) -> list[Case]:
-    """Return table III's cases, the learner's of the nominal robot, and one that times every method."""
+    """Return table III's cases, and one that times every method."""
     timed = latencies.case(sparsity=1 / 2, seconds=4.0, every=20 if scope.quick else 1)
-    few: dict[str, Any] = {"zigzags": [2], "hour_seconds": 60.0} if scope.quick else {}
-    hours = six_hours.case(
-        seed=NOMINAL, condition="unloaded", models=[LEARNER], sets=SETS[:1] if scope.quick else SETS[-1:], networks=[],
-        target="error", columns="16", **few,
-    )  # fmt: skip
-    return [*tables_3_and_4.cases(scope), hours, timed]
+    return [*tables_3_and_4.cases(scope), timed]
 
 
 def microseconds(o: Outcomes) -> dict[str, float]:

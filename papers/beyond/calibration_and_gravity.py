@@ -1,6 +1,6 @@
 """Calibrated joints inside the gravity model, and gravity inside the calibration.
 
-A linear model of the positioning joints is trained level on zig-zags at 1/2, 1/3 and 1/4; then the robot, not homed
+The learner of the positioning joints is trained level on zig-zags at 1/2, 1/3 and 1/4; then the robot, not homed
 anew, follows 30 s of random motion in the calibrated box by PD+DG, level, at 20 deg about Z0 and rocking, and is held
 by gravity compensation alone at five base angles. The gravity model, or the whole control, takes reported or calibrated
 joints: calibrated by the model's zeros, and once by the rig's, which calls the same stops otherwise (the elbow's by 7.5
@@ -98,7 +98,7 @@ def prepared(arm: SimulatedArm, model: CalibrationModel) -> Corrector:
 
 
 def calibrations(plant: CablePlant, log: MotionLog) -> dict[str, CalibrationModel]:
-    """Fit linear models of the positioning joints, by the names of the controllers that take them.
+    """Fit models of the positioning joints, by the names of the controllers that take them.
 
     All but one give the gravity model's zeros; one takes positions alone.
     """
@@ -106,18 +106,18 @@ def calibrations(plant: CablePlant, log: MotionLog) -> dict[str, CalibrationMode
     if log.q_encoder is None:
         raise InputError(f'recording "{log.name}": has no encoders')
     own = replace(log, q_encoder=log.q_encoder + turned)
-    options = FitOptions(kind="linear", inputs=POSITIONING_INPUTS)
+    options = FitOptions(inputs=POSITIONING_INPUTS)
     model = fitted([own], options)
     return {
         RIG: fitted([log], options),
         INSIDE: model,
         BOTH: model,
         AT_ONCE: model,
-        STILL: fitted([own], FitOptions(kind="linear", inputs=POSITIONING_INPUTS[:N])),
+        STILL: fitted([own], FitOptions(inputs=POSITIONING_INPUTS[:N])),
     }
 
 
-@run(revision=3)
+@run(revision=4)
 def control(seed: int | None, base: str, sparsities: Sequence[float], seconds: float) -> Result:
     """Calibrate a robot level, put it on a base, and follow random motion in the calibrated box with every controller.
 
@@ -168,7 +168,7 @@ def _followed(
     }
 
 
-@run(revision=1)
+@run(revision=2)
 def held(seed: int | None, angles_deg: Sequence[float], sparsities: Sequence[float], seconds: float) -> Result:
     """Hold a robot by gravity compensation alone on bases turned about Z0, at reported or at calibrated joints.
 

@@ -7,8 +7,7 @@ robot's state each, and all 138. They are asked everywhere, as the paper's are. 
 are tested with a signal's rows shuffled, so that it tells nothing: by how much a joint's error grows then is what the
 model makes of the signal. The study's own numbers are not in the paper; its conclusions are.
 
-One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio.
-That margin, and that joint 3 decides the claim about joint 3, were added after a first run.
+That joint 3 decides the claim about joint 3 was added after a first run.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,9 +21,9 @@ from catenary.arrays import Floats
 from catenary.calibration.model import CalibrationModel
 from papers.calibration import recordings
 from papers.calibration.inputs import ALL_138, SIXTEEN
-from papers.calibration.judging import CLEARLY, by_joint, less, statement
+from papers.calibration.judging import by_joint, less, statement
 from papers.calibration.six_hours import joint_rmse, left_by
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
+from papers.experiment import CLEARLY, Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.figures import METHOD_COLORS, legend_below, panels
 from papers.kit import IN_UNITS, JOINTS, by_count, cells, filled, graded, grid, mean_and_spread, rows, sample, table
 

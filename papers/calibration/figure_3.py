@@ -256,8 +256,6 @@ def _sparser(o: Outcomes) -> Judgement:
     "II-F",
     "209, 537, 1013 s",
     f"within {100.0 * SECONDS:.0f} %; same direction: two of three",
-    "the generator here goes from one zig-zag to the next at the zig-zags' speed, 25 s each time; the paper joins "
-    "recordings",
 )
 def _seconds(o: Outcomes) -> Judgement:
     times = {sparsities: of(o, *sparsities)["seconds"] for sparsities in DURATIONS}

@@ -5,9 +5,6 @@ recordings of 1/2, 1/3, 1/4, three of 1/5, 1/6; 20 minutes of random motion afte
 recorded in one session from one homing, in the sparsities' order: the paper does not say in which. A combination is
 tested on the motion after its finest sparsity. The network is the mean of its trainings. Models are asked wherever the
 robot goes, as the paper's are.
-
-One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio.
-That margin was added after a first run, in which differences of the third digit had counted.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,10 +19,10 @@ from catenary.calibration.model import CalibrationModel
 from papers import kit
 from papers.calibration import authors, recordings
 from papers.calibration.homings import outside
-from papers.calibration.judging import CLEARLY, changes, less, near, statement
+from papers.calibration.judging import changes, less, near, statement
 from papers.calibration.published import DURATIONS, FIGURE_5_J1, FIGURE_5_J2, FIGURE_5_J2_POLYNOMIAL, FIGURE_5_J3
 from papers.calibration.recordings import METHODS, NETWORK, SETS, baselines, fitted, mean, rmse, rows_of, unguarded
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
+from papers.experiment import CLEARLY, Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
 from papers.figures import METHOD_COLORS, legend_below, panels
 from papers.kit import IN_UNITS, as_text, by_count, graded, grid, sample
 from papers.plant.targets import fitted_to
@@ -38,10 +35,10 @@ SHORT, LONG = 500.0, 800.0  # [s] below and above which the paper gives means
 SHORTEST, LONGEST, ENOUGH_FOR_J3 = "1/2", "1/2+1/3+1/4", "1/2+1/3"
 PAIR = (NETWORK, "linear")  # the models that the paper gives numbers of on every joint
 # reasons, by measurement
-LEARNED = (
-    "but for the network's joint 3, network and linear model err after the shortest recording about as after the "
-    "longest: what they leave of the simulated robot's errors is not for lack of data. The paper's robot has something "
-    "that takes longer to learn"
+SET_BETWEEN = (
+    "on joint 1 network and linear model err after the shortest recording less than after the longest: nothing that "
+    "they leave is for lack of data, and recordings that are combined here lie an hour apart, in which cables set (one "
+    "after the other, table I, the same three sparsities leave 0.120 and 0.133 deg)"
 )
 # criteria
 CLOSE = 0.30  # of a published number
@@ -240,7 +237,7 @@ def _longer_gains(
 
 EXPERIMENT = Experiment(
     "calibration-figure-5", "figure 5", "Calibration error by sparsity and recording time", __doc__,
-    cases, report, minutes=41.0, drawn=2,
+    cases, report, minutes=52.0, drawn=2,
 )  # fmt: skip
 
 
@@ -249,7 +246,7 @@ EXPERIMENT = Experiment(
     "II-F, figure 5",
     "network 0.232, linear 0.446, fixed offset 0.846 deg",
     f"all three within {100.0 * CLOSE:.0f} %; same direction: network below linear below fixed offset, {CLEARLY}",
-    f"both models are better than the paper's, which were short of data: {LEARNED}",
+    f"both models are better than the paper's, which were short of data: {SET_BETWEEN}",
 )
 def _joint_1_shortest(o: Outcomes) -> Judgement:
     reached = _of(o, [SHORTEST], (*PAIR, OFFSET), 0)
@@ -262,8 +259,8 @@ def _joint_1_shortest(o: Outcomes) -> Judgement:
     "II-F, figure 5",
     "0.834, fixed offset 0.846 deg",
     f"at least {NO_BETTER} times the fixed offset's error; same direction: the worst of the three, {CLEARLY}",
-    "the polynomial is short of data at 1/2 on joints 2 and 3 (their tables), which these zig-zags sweep, and not on "
-    "joint 1",
+    "the polynomial is short of data at 1/2 on every joint (the tables), less so than the paper's. Tried: a tool that "
+    "stands 2 deg elsewhere in the test raises its error, and not the linear model's",
 )
 def _polynomial_shortest(o: Outcomes) -> Judgement:
     reached = _of(o, [SHORTEST], SHOWN, 0)
@@ -277,7 +274,7 @@ def _polynomial_shortest(o: Outcomes) -> Judgement:
     "II-F, figure 5",
     "network 0.120, polynomial 0.119, linear 0.176 deg",
     f"all three within {100.0 * CLOSE:.0f} %; same direction: all three better than after 209 s, {CLEARLY}",
-    LEARNED,
+    SET_BETWEEN,
 )
 def _joint_1_longest(o: Outcomes) -> Judgement:
     first, reached = (_of(o, [name], MODELS, 0) for name in (SHORTEST, LONGEST))
@@ -292,7 +289,7 @@ def _joint_1_longest(o: Outcomes) -> Judgement:
     "deg",
     f"mean above 800 s less than mean below 500 s, {CLEARLY}, for every joint and model; same direction: more than "
     "half of nine",
-    f"the polynomial, which has most to learn, gains on joints 2 and 3; {LEARNED}",
+    f"the polynomial, which has most to learn, gains on joints 2 and 3; {SET_BETWEEN}",
 )
 def _more_sparsity(o: Outcomes) -> Judgement:
     holds, texts = [], []
@@ -308,8 +305,8 @@ def _more_sparsity(o: Outcomes) -> Judgement:
     "II-F, figure 5",
     "-",
     f"less at 1/2 + 1/3 + 1/4 than at 1/2, {CLEARLY}, for all three models; same direction: for two",
-    "recordings of a simulated robot repeat each other to thousandths of a degree whatever their sparsity: what falls "
-    "does so within the spread over robots",
+    "recordings of a simulated robot repeat each other, for network and linear model to thousandths of a degree, "
+    "whatever their sparsity: what falls does so within the spread over robots",
 )
 def _deviation_falls(o: Outcomes) -> Judgement:
     holds, texts = [], []
@@ -339,7 +336,7 @@ def _offset_constant(o: Outcomes) -> Judgement:
     f"mean below 500 s less than the linear model's, {CLEARLY}, on every joint, and beside it less than the "
     "polynomial's; same direction: the former on two. Right after training; table V judges the same by the mean of six "
     "hours",
-    "on joints 2 and 3 the linear model has learned after 209 s what it can: there the network has nothing to gain",
+    "on joints 1 and 2 the network learns hardly more than the linear model from any recording (table I)",
 )
 def _network_needs_least(o: Outcomes) -> Judgement:
     short, _ = short_and_long(o)
@@ -353,7 +350,7 @@ def _network_needs_least(o: Outcomes) -> Judgement:
     "II-F, figure 5",
     "network 0.288 to 0.203, linear 0.364 to 0.248 deg",
     f"all four within {100.0 * CLOSE:.0f} %; same direction: both models gain, {CLEARLY}",
-    LEARNED,
+    "joint 2 gains by several sparsities, not by time: 1/5 and 1/6 alone leave the network 0.21 deg, 1/2 + 1/4 0.147",
 )
 def _joint_2(o: Outcomes) -> Judgement:
     short, long = short_and_long(o)
@@ -382,7 +379,7 @@ def _joint_2_polynomial(o: Outcomes) -> Judgement:
     "II-F, figure 5",
     "network 0.202 to 0.121, linear 0.307 to 0.132 mm",
     f"all four within {100.0 * CLOSE:.0f} %; same direction: both models gain, {CLEARLY}",
-    LEARNED,
+    "joint 3 gains by finer zig-zags, not by time: 1/4 alone (483 s) leaves the network 0.086 mm, 1/2 + 1/3 0.108",
 )
 def _joint_3(o: Outcomes) -> Judgement:
     short, _ = short_and_long(o)

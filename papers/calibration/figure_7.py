@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from catenary.arrays import Floats
-from papers.calibration.recordings import EARLIER, NETWORK, fitted, rows_of, unguarded
+from papers.calibration.recordings import LEARNER, NETWORK, fitted, rows_of, unguarded
 from papers.calibration.six_hours import DENOMINATORS, HOUR, MODELS, OFFSET, TEST_RATE, fit_options, left_by, recorded
 from papers.experiment import NOMINAL, Case, Experiment, Outcomes, Report, Result, Robot, Scope, run
 from papers.figures import METHOD_COLORS, panels
@@ -47,7 +47,7 @@ def sections(
         truth = np.asarray(log.q_encoder)[:count]
         section = {"time": np.asarray(log.time)[:count], TRUTH: SHOWN * truth}
         for name, model in fits.items():
-            residual = left_by(model if name == EARLIER else unguarded(model), rows_of(model, log))[:count]
+            residual = left_by(model if name == LEARNER else unguarded(model), rows_of(model, log))[:count]
             section[name] = SHOWN * (truth - residual)
         content[str(hour)] = {name: np.round(values, DIGITS).tolist() for name, values in section.items()}
     return content

@@ -14,17 +14,15 @@ import numpy as np
 from scipy import stats
 
 from catenary.arrays import Floats
-from papers.experiment import Judgement
+from papers.experiment import MARGIN, Judgement
 from papers.kit import JOINTS, as_text, by_robot, graded, mean_and_spread
 
-MARGIN = 0.05  # of the larger error
 CONSIDERABLE = 0.2  # of the larger error: what the paper calls considerably better
 _SURE = 0.95  # probability from which one session tells
 BY_ONE_SESSION = (
     f"under our robots one session shows it with a probability of {100.0 * _SURE:.0f} % or more; not reproduced: of "
     f"{100.0 * (1.0 - _SURE):.0f} % or less; between these the paper's one session cannot tell"
 )
-CLEARLY = f"by more than {100.0 * MARGIN:.0f} % and the spread over robots"
 
 
 def less(smaller: Floats, larger: Floats, margin: float = MARGIN) -> Any:

@@ -17,7 +17,6 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model import CalibrationModel, Target
 from catenary.calibration.neural import NetworkSettings, fit_neural
-from catenary.calibration.predictors import Network
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import ValidRange
@@ -33,13 +32,12 @@ _NOTHING = np.zeros(0)
 EVERYWHERE = ValidRange(_NOTHING, _NOTHING, _NOTHING, np.zeros((0, 0)), _NOTHING, _NOTHING)
 START = (0.5, 1.5, 0.40)  # where the arm wakes up [rad, rad, m]
 NETWORK, LEARNER = "network", "learner"
-EARLIER = "network of ours"  # what the learner was, and is called in committed results, in an earlier version
 # the paper's methods, by the names of its tables, and ours
 METHODS = {
     NETWORK: FitOptions(kind="neural", preset="paper", inputs=SIXTEEN),
     "polynomial": FitOptions(kind="polynomial", inputs=SIXTEEN),
     "linear": FitOptions(kind="linear", inputs=SIXTEEN),
-    EARLIER: FitOptions(),
+    LEARNER: FitOptions(),
 }
 
 
@@ -96,11 +94,6 @@ def network_model(
     target_values = data.error if target == "error" else data.q_nominal + data.error
     network = fit_neural(np.ascontiguousarray(data.X[:, group.columns]), target_values, settings, seed=seed)
     return replace(model, kind="neural", groups=(replace(group, predictor=network),))
-
-
-def parameters(network: Network) -> int:
-    """Return how many weights and biases a network has."""
-    return sum(each.size for each in (*network.weights, *network.biases))
 
 
 def unguarded(model: CalibrationModel) -> CalibrationModel:

@@ -31,7 +31,7 @@ from catenary.dynamics.kinematics import forward_kinematics
 from catenary.robots.catalog import load_robot
 from papers.calibration import authors, recordings
 from papers.calibration.inputs import ALL_138, SIXTEEN, STAMP, STAMPED_138
-from papers.calibration.recordings import EARLIER, LEARNER, METHODS, NETWORK, SETS, fitted, rows_of, unguarded
+from papers.calibration.recordings import LEARNER, METHODS, NETWORK, SETS, fitted, rows_of, unguarded
 from papers.experiment import Case, Outcomes, Plain, Result, Robot, Scope, run
 from papers.gravity.raven_base import SHOWN
 from papers.kit import rounded
@@ -50,7 +50,7 @@ LONG = SETS[6:]  # above 800 s
 DRAWN = 2  # robots beside the nominal one that are trained on every set; more of them on the last alone
 INPUTS = {"16": SIXTEEN, "all": ALL_138, "stamped": STAMPED_138}
 RAW, OFFSET = "raw", "fixed offset"
-MODELS = ("linear", "polynomial", NETWORK, EARLIER)
+MODELS = ("linear", "polynomial", NETWORK, LEARNER)
 ROBOT, TIP = "raven2_full", "tool"  # frame between the jaws
 
 
@@ -138,8 +138,8 @@ def fit_options(model: str, target: Target, columns: str = "16") -> FitOptions:
     """Return how a model is fitted: to the error or the position; see `six_hours` for its columns."""
     if model == OFFSET:
         return FitOptions(kind="offset", inputs=SIXTEEN)
-    options = replace(METHODS[EARLIER if model == LEARNER else model], target=target)
-    return options if columns == "16" or model in (EARLIER, LEARNER) else replace(options, inputs=INPUTS[columns])
+    options = replace(METHODS[model], target=target)
+    return options if columns == "16" or model == LEARNER else replace(options, inputs=INPUTS[columns])
 
 
 def left_by(model: CalibrationModel, data: CalibrationData) -> Floats:
@@ -197,7 +197,7 @@ def six_hours(
     Args:
         target: What models learn: the joints' error, or their position (end to end).
         columns: "16" inputs of the paper, "all" 138, or "stamped", with the time stamp among them; ours keeps its own.
-        ours: Training sets on which our network is trained.
+        ours: Training sets on which the learner is trained.
 
     Returns:
         By model and training set, a list with an entry for each hour that was tested (`HOURS`): `errors`, RMSE on
@@ -211,12 +211,12 @@ def six_hours(
     results: dict[str, dict[str, list[Plain]]] = {RAW: {}}
     for name in sets:
         training = session.training(name)
-        for model in (OFFSET, *(each for each in models if each != EARLIER or name in ours)):
-            seeds = {NETWORK: networks, EARLIER: networks[:1]}.get(model, (0,))
+        for model in (OFFSET, *(each for each in models if each != LEARNER or name in ours)):
+            seeds = {NETWORK: networks, LEARNER: networks[:1]}.get(model, (0,))
             made = fit_options(model, target, columns)
             fits = [fitted(training, replace(made, seed=each)) for each in seeds]
             results.setdefault(model, {})[name] = [
-                tested(fits, log, guard=model in (EARLIER, LEARNER)) for log in session.test.values()
+                tested(fits, log, guard=model == LEARNER) for log in session.test.values()
             ]
         results[RAW][name] = [_raw(log) for log in session.test.values()]
     return results
@@ -236,7 +236,7 @@ def cases_of(
     sets: Sequence[str] = SETS,
 ) -> list[Case]:
     """Return a case for every robot and condition; the quick ones take seconds."""
-    few = {"zigzags": [2], "hour_seconds": 60.0} if scope.quick else {"ours": LONGEST} if EARLIER in models else {}
+    few = {"zigzags": [2], "hour_seconds": 60.0} if scope.quick else {"ours": LONGEST} if LEARNER in models else {}
     return [
         six_hours.case(
             seed=seed,

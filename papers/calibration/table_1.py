@@ -4,9 +4,6 @@ Each direction's zig-zags at 1/2, 1/3 and 1/4 train every model; an independent 
 Each direction starts from the robot just homed: the paper's came one after another on a robot that
 wears. The paper's network is the mean of its trainings; ours is trained once. The paper's models are asked
 wherever the robot goes, as there; ours leaves joints at the fixed offset outside its valid range, as it ships.
-
-One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio.
-That margin was added after a first run.
 """
 
 from collections.abc import Sequence
@@ -17,35 +14,74 @@ import numpy as np
 
 from catenary import MotionLog
 from catenary.arrays import Floats
+from catenary.simulation.cable_parameters import RAVEN2, RAVEN2_ECCENTRIC, CableArm, load_cable_arm
 from catenary.trajectories.zigzag import DIRECTIONS, Direction
 from papers.calibration import authors, recordings
-from papers.calibration.judging import CLEARLY, by_joint, less
+from papers.calibration.judging import by_joint, less
 from papers.calibration.published import TABLE_1
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
+from papers.experiment import (
+    CLEARLY,
+    NOMINAL,
+    Case,
+    Experiment,
+    Judgement,
+    Outcomes,
+    Report,
+    Result,
+    Robot,
+    Scope,
+    TitledTable,
+    run,
+)
 from papers.figures import METHOD_COLORS, legend_below, panels
-from papers.kit import IN_UNITS, JOINTS, by_count, grid, joint_tables, rows, sample
+from papers.kit import IN_UNITS, JOINTS, by_count, filled, grid, joint_tables, rows, sample, table
 from papers.plant.targets import fitted_to
 
 MODELS = (recordings.NETWORK, "polynomial", "linear")
 PAPERS = (*MODELS, "fixed offset", "raw")
 PAPERS_CHOICE: Direction = "J2-J3"
-SHOWN = (recordings.EARLIER, *PAPERS)
+SHOWN = (recordings.LEARNER, *PAPERS)
 BEST_TWO = 2  # directions of each joint and model that the paper marks bold
+OF_VARIANT = (NOMINAL, 1, 2, 3, 4, 5)  # robots whose encoders are off their centres
+ECCENTRICITIES = (0.04, 0.06, 0.08, 0.1)
 # shares of the fixed offset's error: what the network removes, and what any of nine entries
 MOST_REMOVED, LEAST_REMOVED = 0.76, 0.649
 
 
 @run(revision=2)
 def direction_errors(
-    seed: Robot, direction: Direction, networks: Sequence[int], sparsities: Sequence[float], test_seconds: float
+    seed: Robot,
+    direction: Direction,
+    networks: Sequence[int],
+    sparsities: Sequence[float],
+    test_seconds: float,
+    arm: str = RAVEN2,
 ) -> Result:
     """Train every method along one direction and test it; return its RMSE on J1 [deg], J2 [deg], J3 [mm]."""
-    train, test = _recorded(seed, direction, sparsities, test_seconds)
+    return _errors(_recorded(seed, direction, sparsities, test_seconds, load_cable_arm(arm)), networks)
+
+
+@run(revision=1)
+def eccentric_errors(seed: int | None, eccentricity: float, turned: bool, networks: Sequence[int], arm: str) -> Result:
+    """Return the same along J2-J3, where both encoders are off their centres by a share of the couplings' radius.
+
+    In the variant's phases, or turned to any that the robot's seed draws.
+    """
+    variant = load_cable_arm(arm)
+    rig = variant.rig.replace(eccentricity=eccentricity * (variant.rig.eccentricity > 0.0))
+    if turned:
+        rig = rig.replace(eccentric_phase=recordings.draws(seed, 9).uniform(-np.pi, np.pi, len(JOINTS)))
+    turned_arm = variant._replace(rig=rig)
+    return _errors(_recorded(seed, PAPERS_CHOICE, recordings.SPARSITIES, recordings.TEST_SECONDS, turned_arm), networks)
+
+
+def _errors(recorded: tuple[list[MotionLog], MotionLog], networks: Sequence[int]) -> dict[str, list[float]]:
+    train, test = recorded
     reached: dict[str, list[float]] = {}
     for name, options in recordings.METHODS.items():
-        seeds = {recordings.NETWORK: networks, recordings.EARLIER: networks[:1]}.get(name, (0,))
+        seeds = {recordings.NETWORK: networks, recordings.LEARNER: networks[:1]}.get(name, (0,))
         models = [recordings.fitted(train, replace(options, seed=network)) for network in seeds]
-        used = models if name == recordings.EARLIER else [recordings.unguarded(model) for model in models]
+        used = models if name == recordings.LEARNER else [recordings.unguarded(model) for model in models]
         reached[name] = recordings.mean([recordings.rmse(model, recordings.rows_of(model, test)) for model in used])
         if name == "linear":
             reached |= recordings.baselines(models[0], recordings.rows_of(models[0], test))
@@ -53,7 +89,7 @@ def direction_errors(
 
 
 def _recorded(
-    seed: Robot, direction: Direction, sparsities: Sequence[float], test_seconds: float
+    seed: Robot, direction: Direction, sparsities: Sequence[float], test_seconds: float, arm: CableArm
 ) -> tuple[list[MotionLog], MotionLog]:
     """Return zig-zags of a direction and the motion that tests it."""
     if isinstance(seed, str):
@@ -61,18 +97,28 @@ def _recorded(
         return [
             authors.read(paths[0]) for n, paths in folder.of(direction).items() if 1 / n in sparsities
         ], authors.read(test)
-    plant, number = recordings.homed(seed), DIRECTIONS.index(direction)
+    plant, number = recordings.homed(seed, arm=arm), DIRECTIONS.index(direction)
     train = recordings.calibration_log(plant, recordings.draws(seed, number, 0), direction, sparsities)
     return [train], recordings.random_log(plant, recordings.draws(seed, number, 1), test_seconds)
 
 
 def cases(scope: Scope) -> list[Case]:
-    """Return a case for every robot and direction."""
+    """Return a case for every robot and direction; of the variant, and of other eccentricities along J2-J3."""
     sparsities, seconds = ((1 / 2,), 120.0) if scope.quick else (recordings.SPARSITIES, recordings.TEST_SECONDS)
-    return grid(
-        direction_errors, {"seed": scope.robots, "direction": (PAPERS_CHOICE,) if scope.quick else DIRECTIONS},
-        networks=scope.networks_of, sparsities=sparsities, test_seconds=seconds,
-    )  # fmt: skip
+    directions = (PAPERS_CHOICE,) if scope.quick else DIRECTIONS
+    fixed = {"networks": scope.networks_of, "sparsities": sparsities, "test_seconds": seconds}
+    made = grid(direction_errors, {"seed": scope.robots, "direction": directions}, **fixed)
+    if not scope.quick:
+        made += grid(
+            direction_errors, {"seed": scope.robots, "direction": directions}, **fixed, arm=RAVEN2_ECCENTRIC
+        ) + grid(
+            eccentric_errors, {"seed": OF_VARIANT, "eccentricity": ECCENTRICITIES}, turned=False,
+            networks=scope.networks_of, arm=RAVEN2_ECCENTRIC,
+        ) + grid(
+            eccentric_errors, {"seed": OF_VARIANT}, eccentricity=ECCENTRICITIES[-1], turned=True,
+            networks=scope.networks_of, arm=RAVEN2_ECCENTRIC,
+        )  # fmt: skip
+    return made
 
 
 def errors(o: Outcomes, direction: str, method: str) -> Floats:
@@ -96,7 +142,27 @@ def report(o: Outcomes) -> Report:
 
         return rows(row, DIRECTIONS)
 
-    return Report(joint_tables("{}, RMSE", header, content), {"RMSE by direction; lines are the paper's": _picture(o)})
+    tables = [*joint_tables("{}, RMSE", header, content), *filled([_by_eccentricity(o.variant or o)])]
+    return Report(tables, {"RMSE by direction; lines are the paper's": _picture(o)})
+
+
+def _by_eccentricity(o: Outcomes) -> TitledTable:
+    """Return what is left along J2-J3 by how far encoders are off their centres, of the variant's robots."""
+
+    def row(share: float, turned: bool) -> list[Any]:
+        of = {each: sample(o, eccentric_errors, each, eccentricity=share, turned=turned) for each in PAPERS[:-1]}
+        steps = [less(of["linear"], of["fixed offset"]), less(of[recordings.NETWORK], of["linear"])]
+        in_order = [joint for joint, holds in zip(JOINTS, np.logical_and(*steps), strict=True) if holds]
+        better = less(of["polynomial"], of["linear"])[0]
+        phase = "drawn" if turned else "middle"
+        return [share, phase, *of.values(), ", ".join(in_order) or "none", "yes" if better else "no"]
+
+    header = ["e/r", "phase", *PAPERS[:-1], "offset > linear > network on", "polynomial < linear on J1"]
+    return table(
+        "Encoders of J1 and J2 off their centres, direction J2-J3, RMSE",
+        header,
+        rows(row, ECCENTRICITIES, (False, True)),
+    )
 
 
 def _picture(o: Outcomes) -> Any:
@@ -104,7 +170,7 @@ def _picture(o: Outcomes) -> Any:
     directions = [each for each in DIRECTIONS if o.of(direction_errors, direction=each)]
     places = np.arange(len(directions))
     for j, panel in enumerate(axes):
-        for k, method in enumerate((*MODELS, recordings.EARLIER)):
+        for k, method in enumerate((*MODELS, recordings.LEARNER)):
             reached = np.array([errors(o, direction, method)[:, j] for direction in directions])
             at = places + (k - 1.5) * 0.2
             panel.bar(at, reached.mean(axis=1), 0.18, color=METHOD_COLORS[method], label=method)
@@ -133,7 +199,7 @@ def _share_removed(o: Outcomes, methods: Sequence[str], share: float) -> Judgeme
 FITTED_PART = "the linear model's and the fixed offset's errors are among what the simulated robot was fitted to"
 EXPERIMENT = Experiment(
     "calibration-table-1", "table I", "Calibration error by direction of the zig-zags", __doc__,
-    cases, report, minutes=14.0, drawn=2,
+    cases, report, minutes=41.0, drawn=2,
 )  # fmt: skip
 
 
@@ -143,8 +209,10 @@ EXPERIMENT = Experiment(
     "0.859 > 0.174 > 0.104 deg; 1.095 > 0.186 > 0.120 deg; 0.492 > 0.166 > 0.118 mm",
     f"each less than the one before, {CLEARLY}, on all three joints; same direction: on two. The first step is no "
     f"test: {FITTED_PART}",
-    "on joints 1 and 2 the network stays at the linear model's error: what both leave there is memory of friction "
-    "behind the cable, which no model without memory learns. On joint 3 it learns the idlers' run-out",
+    "on joints 1 and 2 the network gains less on the linear model than robots differ by: what both leave is mostly "
+    "memory of friction, which no model without memory learns (the learner, with one, errs by 0.097 deg on joint 2). "
+    "On joint 3 it learns the idlers' run-out. An encoder off its centre errs smoothly: a network learns that, and a "
+    "line does not: at e/r 0.1 the paper's order holds on all joints, at 0.08 on joints 1 and 3",
 )
 def _order(o: Outcomes) -> Judgement:
     offset, linear, network = (
@@ -160,8 +228,8 @@ def _order(o: Outcomes) -> Judgement:
     "eight of nine joints and models",
     "J2-J3 ranks first or second of seven, mean over robots, for every joint and model; same direction: for more than "
     "half",
-    "on joint 1 all directions but J3 come close to each other (its table): its error hardly depends on where joints 2 "
-    "and 3 stand (the ablation's shuffled signals), so that no path is much better than another",
+    "J1-J2 and J1-J2-J3 turn joint 2 back as often as J2-J3 (50 times) and move joint 1 as well, to which its cable is "
+    "coupled: network and linear model learn joint 2 better from them",
 )
 def _best_direction(o: Outcomes) -> Judgement:
     ranks, texts = [], []

@@ -4,8 +4,7 @@ The unloaded six hours of figure 6: errors are means over eleven training sets a
 trainings. The paper says that more epochs help the network end to end, not how many it tried: here 200, as everywhere,
 600 and 2000, on 1/2 + 1/3 + 1/4, trained once.
 
-One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio.
-That margin, and that a gain by more epochs has to be one on most joints, were added after a first run.
+That a gain by more epochs has to be one on most joints was added after a first run.
 """
 
 from collections.abc import Sequence
@@ -18,10 +17,10 @@ from catenary.calibration.model import Target
 from catenary.calibration.neural import PAPER
 from papers.calibration import published
 from papers.calibration.inputs import SIXTEEN
-from papers.calibration.judging import CLEARLY, by_joint, less, statement
+from papers.calibration.judging import by_joint, less, statement
 from papers.calibration.recordings import NETWORK, SETS, network_model
 from papers.calibration.six_hours import DENOMINATORS, HOUR, cases_of, measured, recorded, tested
-from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
+from papers.experiment import CLEARLY, Case, Experiment, Judgement, Outcomes, Report, Result, Robot, Scope, run
 from papers.kit import IN_UNITS, Missing, by_count, by_robot, cells, grid, joint_tables, rows, sample, table
 
 SHOWN = (NETWORK, "linear", "polynomial")

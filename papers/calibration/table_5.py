@@ -9,9 +9,6 @@ inputs. All of these run the same cases as there.
 Times are of the processor that ran this, one thread. A model answers a row as the robot runs it, compiled, by which
 claims are judged, and by one call of a framework, scikit-learn's predict for both, whose overhead is the same for both;
 the paper's frameworks are not named. What else runs on the machine slows both.
-
-One error is less than another where it is so by more than 5 % and by more than the spread over robots of their ratio.
-That margin was added after a first run.
 """
 
 import platform
@@ -31,13 +28,13 @@ from catenary.calibration.corrector import Corrector
 from papers.calibration import figure_8
 from papers.calibration.figure_6 import hourly
 from papers.calibration.figure_8 import LARGER, errors_of
-from papers.calibration.judging import CLEARLY, by_joint, changes, less, statement
+from papers.calibration.judging import by_joint, changes, less, statement
 from papers.calibration.published import TABLE_5_ACCURACY, TABLE_5_HUNGER, TABLE_5_INFERENCE, TABLE_5_TRAINING
 from papers.calibration.recordings import METHODS, NETWORK, SPARSITIES, calibration_log, draws, fitted, homed, rows_of
 from papers.calibration.six_hours import LONGEST, SHORTEST, Condition, cases_of
 from papers.calibration.table_2 import SHOWN as TABLE_2_MODELS
 from papers.calibration.table_2 import errors as table_2_errors
-from papers.experiment import NOMINAL, Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
+from papers.experiment import CLEARLY, NOMINAL, Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
 from papers.kit import UNITS, as_text, by_count, by_robot, cells, graded, rows, table
 
 KINDS = (NETWORK, "linear")

@@ -18,18 +18,20 @@ from papers.plant.circles import Circles, Followed, drawn_by, followed, read_cir
 from papers.plant.evaluation import mean_errors
 from papers.plant.targets import TARGETS, Free, free_numbers, shares_of, with_shares
 
-PRIOR = 0.15  # weight of staying where a number started, in shares of its range, against relative errors
+# weight of the middle of a number's range, in shares of it, against relative errors: where the range is two standard
+# deviations either side, an error of a tenth weighs as much as one
+PRIOR, MIDDLE = 0.4, 0.5
 STEP = 0.05  # of the finite differences, in shares of the range
 # of relative errors, about one over how well the papers determine them
 WEIGHTS = {"raw": 3.0, "fixed offset": 3.0, "linear": 2.0, "polynomial": 1.0}
+FRICTION = 5.0  # the same of friction in the recording
 FIT_SECONDS = 600.0  # of each test motion
 Misses = Callable[[CableArm], Floats]
 
 
 def fitted(arm: CableArm, free: list[Free], misses: Misses, rounds: int) -> CableArm:
     """Return the arm whose misses are least: Gauss-Newton between the bounds, kept up to date by Broyden's rule."""
-    start = shares_of(arm, free)
-    shares = start.copy()
+    shares = shares_of(arm, free)
     here = misses(arm)
     steps = STEP * np.where(shares > 0.5, -1.0, 1.0)
     jacobian = np.column_stack([(misses(with_shares(arm, free, shares + e)) - here) / e.sum() for e in np.diag(steps)])
@@ -37,17 +39,22 @@ def fitted(arm: CableArm, free: list[Free], misses: Misses, rounds: int) -> Cabl
     for _ in range(rounds):
         n = len(free)
         system = np.vstack([jacobian, PRIOR * np.eye(n), damping * np.eye(n)])
-        target = np.concatenate([-here, PRIOR * (start - shares), np.zeros(n)])
+        target = np.concatenate([-here, PRIOR * (MIDDLE - shares), np.zeros(n)])
         step = lsq_linear(system, target, (-shares - 1e-12, 1.0 - shares + 1e-12)).x
         there = misses(with_shares(arm, free, np.clip(shares + step, 0.0, 1.0)))
         print(f"  {here @ here:.4f} -> {there @ there:.4f}, a step of {np.abs(step).max():.3f}", flush=True)
         jacobian = jacobian + np.outer(there - here - jacobian @ step, step) / (step @ step)
-        if there @ there < here @ here:
-            shares, here, damping = np.clip(shares + step, 0.0, 1.0), there, 0.5 * damping
+        moved = np.clip(shares + step, 0.0, 1.0)
+        if _cost(there, moved) < _cost(here, shares):
+            shares, here, damping = moved, there, 0.5 * damping
             best = with_shares(arm, free, shares)
         else:
             damping = 3.0 * max(damping, 0.05)
     return best
+
+
+def _cost(misses: Floats, shares: Floats) -> float:
+    return float(misses @ misses + PRIOR**2 * np.sum((shares - MIDDLE) ** 2))
 
 
 def tool_misses(circles: Circles, real: Followed) -> Misses:
@@ -67,7 +74,7 @@ def arm_misses(circles: Circles, real: Followed) -> Misses:
         here, errors = drawn_by(arm, circles), mean_errors(arm, FIT_SECONDS)
         print("  " + "; ".join(f"{name} {np.round(values, 3)}" for name, values in errors.items()), flush=True)
         missed = [WEIGHTS[name] * np.log(errors[name] / np.array(TARGETS[name])) for name in TARGETS]
-        missed += [np.log(here.friction / real.friction), np.log(here.error[:3] / real.error[:3])]
+        missed += [FRICTION * np.log(here.friction / real.friction), np.log(here.error[:3] / real.error[:3])]
         return np.concatenate(missed)
 
     return misses

@@ -25,11 +25,7 @@ _POOLED: dict[str, Mapping[str, Numbers]] = {
         | {f"hour 0, {condition}": hours[method][0] for condition, hours in _HOURS.items()}
         for method in ("fixed offset", "linear", "network")
     },
-    "polynomial": {
-        "table I": published.TABLE_1["J2-J3"]["polynomial"],
-        **{f"hour 0, {each}": (j1[0], None, None) for each, j1 in published.SIX_HOURS_POLYNOMIAL_J1.items()},
-        "figure 5, longest": (None, published.FIGURE_5_J2_POLYNOMIAL, None),
-    },
+    "polynomial": {"table I": published.TABLE_1["J2-J3"]["polynomial"]},
 }
 _MEANS: dict[str, tuple[float, ...]] = {
     method: tuple(np.nanmean(np.array([*numbers.values()], dtype=float), axis=0).round(4).tolist())
@@ -47,9 +43,6 @@ def fitted_to(method: str, place: str) -> bool:
 
 
 CLOSE = 0.15  # a target is reached within this share of it
-PD_SHARE_LIMIT = 15.0  # [%] joint 1's PD share of the holding torque with sensed gravity, at every base angle
-STATIC_SHARE_LIMIT = 40.0  # with level gravity, at the largest base angle: more than this
-JOINT_1_FRICTION = (0.2, 0.5)  # [Nm] in all, under the torque that holds it [Lewis, Hannaford 2014]
 ALIKE = ("rotor_friction",)  # the three motor units are the same
 
 
@@ -93,11 +86,3 @@ def with_shares(arm: CableArm, free: list[Free], shares: Floats) -> CableArm:
     for each, share in zip(free, shares, strict=True):
         getattr(changed, each.table)[each.field][each.places] = each.least + share * (each.most - each.least)
     return changed
-
-
-def joint_1_friction(arm: CableArm, torque: float) -> float:
-    """Return the whole friction of joint 1 [Nm] under a torque [Nm]: of rotor, idlers and link, at the joint."""
-    c = arm.cable
-    rotor = c.rotor_friction[0] * c.ratio[0] * (1.0 + c.ratio_error[0]) + c.rotor_load_friction[0] * torque
-    per_tension = c.link_load_friction[0] + c.node_load_friction[0]
-    return float(rotor + c.node_friction[0] + c.link_friction[0] + per_tension * torque)

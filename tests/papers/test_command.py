@@ -20,7 +20,7 @@ from papers.store import Finished, Store
 
 
 @run(revision=1)
-def squared(number: int) -> Result:
+def squared(number: int, arm: str = "") -> Result:
     if number < 0:
         raise ValueError(f"{number}: expected zero or more")
     return {"square": number**2}
@@ -80,6 +80,26 @@ def test_an_experiment_writes_table_page_verdicts_and_the_same_picture_each_time
     assert (tmp_path / "beyond-squares-1.svg").read_bytes() == drawn
 
 
+def test_a_variant_of_the_robot_is_judged_beside_it_and_is_no_robot_of_the_tables(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def both(scope: Scope) -> list[Case]:
+        return [*cases(scope), squared.case(number=7, arm="raven2_eccentric.toml")]
+
+    varied = replace(SQUARES, cases=both, claims=[])
+
+    @varied.claim("All are below ten", "I", "-", "the greatest")
+    def below(outcomes: Outcomes) -> Judgement:
+        greatest = max(result["square"] for result in outcomes.of(squared))
+        return graded(greatest < 10, False, str(greatest))
+
+    monkeypatch.setattr(command, "experiment", lambda name: varied)
+    content = ran(tmp_path)
+    assert len(content["tables"][0]["rows"]) == 3
+    (claim,) = content["claims"]
+    assert (claim["verdict"], claim["measured"], claim["variant"]) == ("reproduced", "4", "49: not reproduced")
+
+
 def test_the_date_and_the_minutes_are_those_of_the_cases_whenever_they_are_shown(tmp_path: Path) -> None:
     ended = ["2026-11-20T23:59:59+00:00", "2026-11-22T00:00:00+00:00", "2026-11-21T12:00:00+00:00"]
     store = Store(tmp_path)
@@ -114,10 +134,8 @@ def test_a_sweep_in_two_sittings_ends_as_one_does_and_raw_results_are_judged_wit
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     minutes = iter([0.0, 0.5, 1.1])
-    clock = SimpleNamespace(
-        monotonic=lambda: 60.0 * next(minutes), perf_counter=perf_counter, process_time=process_time
-    )
-    monkeypatch.setattr(sweep, "time", SimpleNamespace(monotonic=lambda: 0.0))
+    clock = SimpleNamespace(time=lambda: 60.0 * next(minutes), perf_counter=perf_counter, process_time=process_time)
+    monkeypatch.setattr(sweep, "time", SimpleNamespace(time=lambda: 0.0))
     monkeypatch.setattr(runner, "time", clock)
     assert command.main(["calibration-table-1", "--within", "1", "--out", str(tmp_path)]) == 0
     assert "1 of 3 cases wait for another sitting: beyond-squares" in " ".join(capsys.readouterr().err.split())
@@ -148,7 +166,7 @@ def test_seeds_are_how_many_robots_are_drawn(tmp_path: Path) -> None:
         (["publish", "calibration-table-1", "--out", "nothing"], "run them first"),
         (["judge", "calibration-table-2", "--out", "nothing"], "no raw results"),
         (["calibration-table-1", "--within", "0"], "one or more"),
-        (["calibration-table-1", "--workers", "2"], "pip install"),  # Dask
+        (["calibration-table-1", "--cluster", "tcp://127.0.0.1:1"], "pip install"),  # Dask
     ],
 )
 def test_what_cannot_be_done_is_refused(

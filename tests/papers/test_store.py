@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from catenary.errors import InputError
+from catenary.simulation.cable_parameters import RAVEN2_ECCENTRIC
 from oracles.sweep_cases import quick, summed
 from papers import catalog, experiment, store
 from papers.catalog import MODULES, named
@@ -100,6 +101,13 @@ def test_a_key_depends_on_the_data_of_simulated_robots_and_of_those_it_names(
         keys("simulation", "cables", "stiffness = 1"), keys("simulation", "cables", "stiffness = 2"),
         keys("robots", "raven2", "mass = 1"), keys("robots", "other_arm", "mass = 2"),
     ]  # fmt: skip
+    (tmp_path / "simulation" / "data" / RAVEN2_ECCENTRIC).write_text("a variant")
+    experiment.robots_digest.cache_clear()
+    of_variant = quick.case(folder=RAVEN2_ECCENTRIC, number=3).key
+    assert CASE.key == found[3][0]
+    (tmp_path / "simulation" / "data" / RAVEN2_ECCENTRIC).write_text("another")
+    experiment.robots_digest.cache_clear()
+    assert quick.case(folder=RAVEN2_ECCENTRIC, number=3).key != of_variant
     monkeypatch.undo()
     experiment.robots_digest.cache_clear()
     assert len(set(found)) == 4

@@ -14,7 +14,7 @@ from catenary.simulation.simulated_plant import PERIOD
 from catenary.spatial import Pose
 from catenary.transmission.cable_elasticity import winding_of
 from oracles.random_trees import Floats
-from papers.plant.circles import SPACING, followed, read_circles
+from papers.plant.circles import SPACING, drawn_by, followed, read_circles
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +56,17 @@ def test_following_errors_are_those_that_were_measured_on_another_clock(recordin
     found = followed(load_cable_arm().firmware, read_circles(path))
     assert_allclose(found.error[:3], [0.185, 0.304, 0.358], rtol=0.08)  # deg, deg, mm; rows come in bursts
     assert_allclose(found.likeness, [0.57, -0.28, 0.94, 0.12, 0.52, -0.01], atol=0.06)
+
+
+@pytest.mark.slow
+def test_the_simulated_robot_draws_the_circles_with_the_friction_of_the_real_one(recordings: Path) -> None:
+    path = recordings / "raven2_recorded_state" / "raven_state_circle.npz"
+    if not path.is_file():
+        pytest.skip(f"no recording {path}")
+    circles = read_circles(path)
+    real, simulated = followed(load_cable_arm().firmware, circles), drawn_by(load_cable_arm(), circles)
+    assert (np.abs(simulated.friction / real.friction - 1.0) < [0.05, 0.05, 0.08]).all(), simulated.friction
+    assert_allclose(simulated.error, real.error, rtol=0.15)
 
 
 def test_friction_of_circles_without_an_encoder_is_that_which_was_found_by_hand(recordings: Path) -> None:

@@ -160,7 +160,7 @@ def test_arm_on_its_brakes_does_not_creep(robot):
     plant = cable_arms.homed_plant(robot=robot)
     plant.state_command("disable")
     creep_deg_per_s(plant, 2.0)
-    assert creep_deg_per_s(plant, 2.0) < 1e-4
+    assert creep_deg_per_s(plant, 2.0) < 2e-4
 
 
 def test_sticking_joint_stands_exactly_still():
@@ -235,7 +235,8 @@ def turned_tool(cable, torque, steps=200, velocity=0.0):
 
 def test_a_tool_sticks_harder_than_it_slides_and_unevenly():
     friction = 0.004
-    sticky = CABLE.replace(tool_friction=np.full(4, friction), tool_stiction=np.full(4, 0.5), tool_damping=np.zeros(4))
+    even = CABLE.replace(tool_friction=np.full(4, friction), tool_damping=np.zeros(4), tool_ripple=np.zeros(4))
+    sticky = even.replace(tool_stiction=np.full(4, 0.5))
     assert not turned_tool(sticky, 1.49 * friction)[0].any()
     assert turned_tool(sticky, 1.51 * friction)[0][-1] > 0.0
     assert (np.diff(turned_tool(sticky, 1.2 * friction, velocity=5.0)[0]) > 0.0).all()  # it keeps what moves going

@@ -12,13 +12,14 @@ from catenary.plant import OperatingState, fault_of
 from catenary.raven2.topics import CHANNELS, raven_topics
 from catenary.robots.catalog import load_robot
 from catenary.simulation.base_motion import BaseSamples, BaseTimeline, FixedBase, RockingBase
-from catenary.simulation.cable_parameters import varied_arm
+from catenary.simulation.cable_parameters import RAVEN2_ECCENTRIC, load_cable_arm, varied_arm
 from catenary.simulation.cable_plant import (
     _AXIS_FIELDS,
     _PAYLOAD_PLACE,
     _REPORTED_FIELDS,
     COLUMNS,
     CablePlant,
+    ExternalEncoders,
     PositioningArm,
     of_both_arms,
     telemetry_of,
@@ -155,12 +156,14 @@ def test_mirrored_bases_move_both_arms_alike(both_arms, command):
     base = RockingBase(0.15, 0.2, 0.5, axis=(1.0, 0.3, 0.2), lever=(0.1, 0.2, 0.4))
     mirrored = RockingBase(-0.15, -0.2, 0.5, axis=(1.0, -0.3, 0.2), lever=(0.1, -0.2, 0.4))
     left, right = copy.deepcopy(both_arms)
+    begun = right.state.q - left.state.q  # roundings decide when a stop is reached
     for plant, moving in ((left, base), (right, mirrored)):
         plant._base, plant._tick = BaseTimeline(moving, plant.period), 30_000
         if command is not None:
             plant.state_command(command)
         settle(plant, 1.0)
-    assert_allclose(left.state.q, right.state.q, atol=1e-5)  # roundings may decide single encoder steps
+    assert_allclose(begun, 0.0, atol=2e-4)
+    assert_allclose(left.state.q + begun, right.state.q, atol=1e-5)  # and single encoder steps
 
 
 def test_gravity_torques_hold_the_arm():
@@ -304,6 +307,22 @@ def test_rig_columns_agree_with_the_true_joints():
     # the rig calls the stops 0, 130 deg and 0.572467 m
     offset = plant.encoders.rig.registered - plant.cable.stop_position
     assert_allclose(sample["ext_jpos"] - sample["q_true"], offset, atol=1e-3)
+
+
+def test_encoders_off_their_centres_turn_as_a_pin_does_about_another_axis():
+    rig = load_cable_arm(RAVEN2_ECCENTRIC).rig
+    encoders = ExternalEncoders(rig)
+    encoders.zero[:] = 0.0
+    q = np.linspace(0.3, 2.0, 200)
+    seen = encoders.positions(encoders.counts(np.column_stack([q, q, 0.2 * q]))) - rig.registered
+    for j in (0, 1):  # a pin at radius 1 from the joint's axis, the encoder's axis e beside that
+        e = rig.eccentricity[j]
+        axis = e * np.array([np.sin(rig.eccentric_phase[j]), -np.cos(rig.eccentric_phase[j])])
+        turned = np.unwrap(np.arctan2(np.sin(q) - axis[1], np.cos(q) - axis[0]))
+        assert_allclose(seen[:, j], turned, atol=0.5 * e**2 + e**3)  # its square is left out
+        assert np.ptp(seen[:, j] - q) > 0.02
+    assert_allclose(seen[:, 2], 0.2 * q, atol=1e-5)
+    assert not load_cable_arm().rig.eccentricity.any()
 
 
 @pytest.mark.parametrize(("joint", "tau"), [(0, 7.0), (1, -1e300), (2, -1e300), (6, -7.0)])

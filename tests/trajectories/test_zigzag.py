@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from catenary.errors import InputError
 from catenary.trajectories import zigzag
+from catenary.trajectories.sinusoids import FASTEST_SPEEDS
 
 STRETCHED = [("J1-J2-J3", "generator"), ("J1-J2-J3", "files")]
 PATHS = [*((direction, "generator") for direction in zigzag.DIRECTIONS), STRETCHED[1], ("J1-J2-J3", "paper")]
@@ -101,14 +102,15 @@ def test_motion_passes_the_rows_as_near_as_it_says(direction: str, form: str) ->
     assert (motion.corner_distance < [np.deg2rad(0.13), np.deg2rad(0.14), 0.23e-3]).all()
 
 
-def test_several_sparsities_join_without_exceeding_the_speed_of_the_sweeps() -> None:
+def test_several_sparsities_join_at_twice_the_speed_of_the_sweeps_at_most() -> None:
     rows = [zigzag.zigzag_rows("J2-J3", s) for s in (1 / 2, 1 / 3)]
     motion = zigzag.zigzag("J2-J3", [1 / 2, 1 / 3])
     _, qd, _ = motion.sample(np.arange(0.0, motion.duration, 0.01))
     fastest = np.max([np.abs(np.diff(part, axis=0)).max(axis=0) for part in rows], axis=0) * zigzag.ROWS_PER_SECOND
-    assert (np.abs(qd).max(axis=0) <= fastest * (1.0 + 1e-9)).all()
+    assert (np.abs(qd).max(axis=0) <= 2.0 * fastest * (1.0 + 1e-9)).all()
+    assert (np.abs(qd).max(axis=0) <= FASTEST_SPEEDS).all()  # the authors' own
     apart = sum(len(part) - 1 for part in rows) / zigzag.ROWS_PER_SECOND
-    assert apart < motion.duration < apart + 40.0  # crossing a range takes 16 s
+    assert apart < motion.duration < apart + 20.0  # crossing a range takes 8 s
 
 
 def test_each_of_several_paths_is_as_it_would_be_alone() -> None:

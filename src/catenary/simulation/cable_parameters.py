@@ -14,9 +14,9 @@ from catenary.simulation.compiled_records import POSITIONING, PerAxis, PerJoint,
 
 Origin = Literal["source", "datasheet-memory", "assumed", "fitted"]
 _MAX_NUMBER = 1e12  # of any parameter
-# data files of the package: the default robot, and one with stiff cables and the low friction that Lewis and Hannaford
-# (2014) report of joint 1
-RAVEN2, RAVEN2_STIFF = "raven2_friction.toml", "raven2.toml"
+# data files of the package: the default robot, one with stiff cables and the low friction that Lewis and Hannaford
+# (2014) report of joint 1, and the default one with external encoders off their centres
+RAVEN2, RAVEN2_STIFF, RAVEN2_ECCENTRIC = "raven2_friction.toml", "raven2.toml", "raven2_eccentric.toml"
 Parameters = TypeVar("Parameters", bound=Record)
 
 
@@ -111,6 +111,8 @@ class Rig(Record):
     counts: PerJoint  # per rad, rad, m
     registered: PerJoint  # position assigned to the stop [rad, rad, m]
     window: PerJoint  # counts below the peak that are averaged
+    eccentricity: PerJoint  # of an encoder's coupling: how far off its centre, over its radius
+    eccentric_phase: PerJoint  # joint position at which it reads most too much [rad]
 
 
 class Entry(Settings):

@@ -61,7 +61,8 @@ class ExternalEncoders:
 
     def counts(self, q: Floats) -> Floats:
         """Return the counts at true joint positions (..., 3) [rad, rad, m]."""
-        return np.round(q * self.rig.counts)
+        rig = self.rig
+        return np.round((q + rig.eccentricity * np.cos(q - rig.eccentric_phase)) * rig.counts)
 
     def positions(self, counts: Floats) -> Floats:
         """Return the joint positions (..., 3) [rad, rad, m] of counts; NaN before registration."""

@@ -41,6 +41,7 @@ CALIBRATION_UPPER = frozen(np.array([np.deg2rad(60.0), np.deg2rad(110.0), 0.42])
 
 ROWS_PER_SECOND = 64.3  # 65,164 rows of J2-J3 at 1/2 + 1/3 + 1/4 take the paper's 1013 s
 CORNER_BLEND_S = 0.5  # [s], ours: the paper requires smooth velocity and states no number
+_WAY_BACK = 2.0  # times the sweeps' speed, ours: within those of the authors' random motion
 MIN_SPARSITY = 0.01  # eleven million rows
 
 _STEP = 0.001  # of the unit cube, from row to row
@@ -98,8 +99,8 @@ def zigzag(
 
     The corners are blended: at the defaults the motion stays within 0.14 deg or 0.23 mm of the published path
     (`corner_distance`), and passes its rows half a blend later. Between two paths it comes to rest at the end of the
-    first, moves straight to the start of the next, no joint faster than in the sweeps, and comes to rest there: each
-    path is the same as alone.
+    first, moves straight to the start of the next, at most twice as fast as in the sweeps, and comes to rest there:
+    each path is the same as alone.
 
     Args:
         direction: Joints along which the sweeps move: J1, J2, J3, J1-J2, J2-J3, J1-J3 or J1-J2-J3.
@@ -131,7 +132,7 @@ def zigzag(
         begin = 0.0
         if points:
             leaves = times[-1][-1] + dwell
-            arrives = leaves + float((np.abs(joints[0] - points[-1][-1]) / fastest).max())
+            arrives = leaves + float((np.abs(joints[0] - points[-1][-1]) / fastest).max()) / _WAY_BACK
             begin = arrives + dwell
             times.append(np.array([leaves, arrives]))
             points.append(np.array([points[-1][-1], joints[0]]))

@@ -5,16 +5,11 @@ from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose
 
-from catenary import JointState, Reference, gravity_torque, load_robot
 from catenary.simulation.cable_parameters import CableArm, load_cable_arm
 from catenary.simulation.simulated_plant import PERIOD
-from catenary.spatial import LEVEL
-from papers.gravity.raven_base import turned_base
 from papers.plant.circles import SHOWN, Circles, followed
-from papers.plant.reached import HeldTool
 from papers.plant.refit import fitted, write_arm
 from papers.plant.targets import free_numbers, shares_of, with_shares
 
@@ -35,6 +30,12 @@ def test_fitted_numbers_are_written_and_everything_else_stays(tmp_path: Path) ->
     for name in set(RUBBING.cable.fields) - fitted_fields:
         assert_allclose(after.cable[name], RUBBING.cable[name], rtol=0)
     assert [entry.note for entry in after.file.cable.values()] == [entry.note for entry in RUBBING.file.cable.values()]
+
+
+def test_no_fitted_number_stands_on_a_bound_and_capstans_alike_differ_as_pulleys_may() -> None:
+    shares = shares_of(RUBBING, FREE)
+    assert [one.name for one, share in zip(FREE, shares, strict=True) if not 0.01 < share < 0.99] == []
+    assert abs(RUBBING.cable.ratio_error[0] - RUBBING.cable.ratio_error[1]) < 0.02
 
 
 def test_a_fit_finds_numbers_whose_misses_are_known() -> None:
@@ -71,24 +72,3 @@ def test_coulomb_friction_is_found_from_positions_and_setpoints() -> None:
     assert_allclose(found.friction, friction, rtol=0.02)  # speeds are smoothed where they turn
     assert_allclose(found.error[n:], SHOWN[n:], rtol=0.05)
     assert_allclose(found.likeness, 0.0, atol=0.05)
-
-
-ARM = load_cable_arm()
-
-
-HOME = np.append(np.array([0.5, 1.5, 0.4]), np.zeros(4))
-
-
-TILTED = turned_base(25.0).sample(np.zeros(1)).gravity[0]
-
-
-def _state(gravity: np.ndarray) -> JointState:
-    return JointState(0.0, HOME, np.zeros(7), np.zeros(7), np.zeros(7), gravity, 0.0)
-
-
-@pytest.mark.parametrize(("sensed", "gravity"), [(True, TILTED), (False, LEVEL)])
-def test_without_error_the_torque_is_that_of_believed_gravity(sensed: bool, gravity: np.ndarray) -> None:
-    controller = HeldTool(ARM.firmware, sensed=sensed)
-    tau = controller.torque(_state(TILTED), Reference(HOME, np.zeros(7), np.zeros(7)))
-    assert_allclose(tau[:3], gravity_torque(load_robot("raven2"), HOME[:3], gravity))
-    assert_allclose(controller.feedback, 0.0)
