@@ -74,8 +74,12 @@ def test_a_process_interrupts_itself(windows: bool, monkeypatch: pytest.MonkeyPa
         interrupt(signal.SIGINT)
         time.sleep(0.1)
 
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            interrupted()
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_time_goes_on_by_any_clock(monkeypatch: pytest.MonkeyPatch) -> None:
