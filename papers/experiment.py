@@ -123,9 +123,7 @@ VARIANT = "arm"  # the argument that names a variant of the simulated robot, its
 def robots_digest(named: frozenset[str] = frozenset()) -> str:
     """Return a digest of data files on which results depend: robots of LOADED, those named, and mechanics."""
     digest = hashlib.sha256(RAVEN2.encode())
-    counted = {f"{name}.toml" for name in LOADED} | {
-        name if name.endswith(".toml") else f"{name}.toml" for name in named
-    }
+    counted = {f"{name.removesuffix('.toml')}.toml" for name in (*LOADED, *named)}
     for room in ("robots", "simulation"):
         for entry in sorted((files("catenary") / room / "data").iterdir(), key=lambda each: each.name):
             mechanics = room == "simulation" and entry.name != RAVEN2_ECCENTRIC

@@ -61,7 +61,7 @@ def summary(
 ) -> dict[str, Any]:
     """Return an experiment's table of results as plain data: what docs quote, and where it comes from."""
     views = {"nominal": outcomes.nominal, "variant": outcomes.variant}
-    beside = {name: judged(experiment, view) for name, view in views.items() if view}
+    beside = {name: judged(experiment, view) for name, view in views.items() if claims and view}
     return {
         "name": experiment.name,
         "paper": experiment.paper,
