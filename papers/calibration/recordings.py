@@ -17,6 +17,7 @@ from catenary.calibration.fit_options import FitOptions
 from catenary.calibration.fit_rows import choose_inputs, fit_model
 from catenary.calibration.model import CalibrationModel, Target
 from catenary.calibration.neural import NetworkSettings, fit_neural
+from catenary.calibration.predictors import Expansion
 from catenary.calibration.recordings import Recordings
 from catenary.calibration.spike_filter import ANY_SIZE
 from catenary.calibration.valid_range import ValidRange
@@ -99,12 +100,15 @@ def network_model(
 def unguarded(model: CalibrationModel) -> CalibrationModel:
     """Return a model that is asked wherever the robot is, as the paper's are: no feature is watched, nothing bounds it.
 
-    Ours gives the fixed offset outside its valid range. The tool stands elsewhere after every homing, and a model that
-    takes its positions then is outside.
+    Ours gives the fixed offset outside its valid range, and where its leverage is large. The tool stands elsewhere
+    after every homing, and a model that takes its positions then is outside.
     """
-    nothing = np.zeros(0, dtype=np.int64)
-    groups = tuple(replace(group, valid_range=EVERYWHERE, watched=nothing) for group in model.groups)
-    return replace(model, groups=groups, largest=np.full(len(model.joint_names), ANY_SIZE), limits=None)
+    nothing, groups = np.zeros(0, dtype=np.int64), []
+    for group in model.groups:
+        predictor = group.predictor
+        free = replace(predictor, leverage=None) if isinstance(predictor, Expansion) else predictor
+        groups.append(replace(group, predictor=free, valid_range=EVERYWHERE, watched=nothing))
+    return replace(model, groups=tuple(groups), largest=np.full(len(model.joint_names), ANY_SIZE), limits=None)
 
 
 def rows_of(model: CalibrationModel, log: MotionLog) -> CalibrationData:

@@ -126,21 +126,27 @@ def test_models_of_ours_and_peers_learn_from_the_same_rows_and_are_tested_on_the
             np.testing.assert_array_equal(rows.time, log.time[peers])
 
 
-def test_an_unguarded_model_is_its_predictor_wherever_it_is_asked() -> None:
+@pytest.mark.parametrize("kind", ["linear", "polynomial"])
+def test_an_unguarded_model_is_its_predictor_wherever_it_is_asked(kind: str) -> None:
     rng = np.random.default_rng(0)
     train, moved = log_of(0.0, rng), log_of(5.0, rng)
-    model = fitted([train], FitOptions("linear", inputs=("q", "q:roll")))
-    assert not model.inside(model.features.matrix(moved)).any()
-    free = unguarded(model)
-    assert free.inside(free.features.matrix(moved)).all()
-    assert_allclose(free.calibrate(moved), 1.1 * moved.q_nominal, atol=1e-12)  # the error is linear in q
-    assert np.abs(model.calibrate(moved) - 1.1 * moved.q_nominal).max() > 0.01
+    noisy = replace(train, q_encoder=train.q_encoder + 0.01 * rng.standard_normal((500, 3)))
+    for log in (train, noisy):
+        model = fitted([log], FitOptions(kind, inputs=("q", "q:roll")))
+        X = model.features.matrix(moved)
+        assert not model.inside(X).any()
+        free = unguarded(model)
+        assert free.inside(X).all()
+        assert_allclose(free.correction(X, moved.q_nominal), model.groups[0].predictor.predict(X), atol=1e-12)
+        assert np.abs(model.calibrate(moved) - free.calibrate(moved)).max() > 0.01
+    linear = unguarded(fitted([train], FitOptions("linear", inputs=("q", "q:roll"))))
+    assert_allclose(linear.calibrate(moved), 1.1 * moved.q_nominal, atol=1e-12)  # the error is linear in q
 
 
 def log_of(tool: float, rng: np.random.Generator) -> MotionLog:
-    q = rng.uniform(-1.0, 1.0, (50, 3))
-    signals = {f"q:{joint}": tool + 0.01 * rng.standard_normal(50) for joint in ("roll", "wrist", "jaw1", "jaw2")}
+    q = rng.uniform(-1.0, 1.0, (500, 3))
+    signals = {f"q:{joint}": tool + 0.01 * rng.standard_normal(500) for joint in ("roll", "wrist", "jaw1", "jaw2")}
     return MotionLog(
-        "made up", ("shoulder", "elbow", "insertion"), ("rad", "rad", "m"), q, np.ones(50, bool), 1.1 * q,
+        "made up", ("shoulder", "elbow", "insertion"), ("rad", "rad", "m"), q, np.ones(500, bool), 1.1 * q,
         signals=signals, signal_units=dict.fromkeys(signals, "rad"),
     )  # fmt: skip
