@@ -210,7 +210,7 @@ EXPERIMENT = Experiment(
     f"each less than the one before, {CLEARLY}, on all three joints; same direction: on two. The first step is no "
     f"test: {FITTED_PART}",
     "on joints 1 and 2 the network gains less on the linear model than robots differ by: what both leave is mostly "
-    "memory of friction, which no model without memory learns (the learner, with one, errs by 0.097 deg on joint 2). "
+    "memory of friction, which no model without memory learns (the learner, with one, errs by 0.096 deg on joint 2). "
     "On joint 3 it learns the idlers' run-out. An encoder off its centre errs smoothly: a network learns that, and a "
     "line does not: at e/r 0.1 the paper's order holds on all joints, at 0.08 on joints 1 and 3",
 )

@@ -157,7 +157,7 @@ def _network_worse(o: Outcomes) -> Judgement:
     "0.328 < 0.369 < 1.062 deg, 0.264 < 0.366 < 2.539 deg, 0.167 < 0.176 < 1.766 mm",
     f"each less than the next, {CLEARLY}, on all three joints; same direction: on two",
     "on joints 1 and 2 network and linear model differ by less than robots do: what both leave there is memory of "
-    "friction behind the cable, and the drift of six hours, which neither model knows",
+    "friction, and the drift of six hours, which neither model knows",
 )
 def _best_on_error(o: Outcomes) -> Judgement:
     network, linear, polynomial = samples = [errors(o, model, "error") for model in SHOWN]
@@ -172,8 +172,8 @@ def _best_on_error(o: Outcomes) -> Judgement:
     "no numbers",
     f"at ten times the epochs its error is less than before, {CLEARLY}, on every joint, and beside it still more than "
     "on the error; same direction: the former on two",
-    "ten times the epochs halve its error on joint 2 and take a third off joint 3's (the table of epochs); on joint 1 "
-    "robots differ by more than it gains",
+    "ten times the epochs take a third off its error on joints 1 and 2 and almost half off joint 3's (the table of "
+    "epochs); on joint 1 it then errs no more than on the error",
 )
 def _epochs_help(o: Outcomes) -> Judgement:
     on_error, end_to_end, epochs = _epochs(o)
