@@ -369,9 +369,9 @@ def considerably_better(o: Outcomes, condition: Condition, model: str) -> NDArra
     "II-G",
     "0.241 to 0.493 deg",
     f"error in hour 5 at least {DECAYS} times that in hour 0, mean over robots",
-    "after the hours on the brakes the tool of the drawn robots stands elsewhere than in training, which the polynomial "
-    "takes for more than it is worth, unlike network and linear model; the nominal robot's stands where it stood, and "
-    "nothing else changes but the slow branch of its cables, within a minute",
+    "after the hours on the brakes the tool of the drawn robots stands elsewhere than in training, which the "
+    "polynomial takes for more than it is worth, unlike network and linear model; the nominal robot's stands where it "
+    "stood, and nothing else changes but the slow branch of its cables, within a minute",
 )
 def _idle_polynomial(o: Outcomes) -> Judgement:
     errors = hourly(o, "idle", POLYNOMIAL)
@@ -386,8 +386,8 @@ def _idle_polynomial(o: Outcomes) -> Judgement:
     "0.235 to 1.529 deg unloaded, 0.221 to 1.045 deg loaded",
     f"error in hour 5 at least {1.0 - CLOSE} times the published one, unloaded and loaded, mean over robots; same "
     f"direction: it loses more than the linear model in both, {CLEARLY}",
-    "it loses about what the linear model loses, the drift of the cables: wear changes the simulated robot's errors and "
-    "hardly its inputs, and while the arm moves its tool stands where it stood in training",
+    "it loses about what the linear model loses, the drift of the cables: wear changes the simulated robot's errors "
+    "and hardly its inputs, and while the arm moves its tool stands where it stood in training",
 )
 def _moved_polynomial(o: Outcomes) -> Judgement:
     close, more, texts = [], [], []
