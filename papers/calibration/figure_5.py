@@ -259,8 +259,8 @@ def _joint_1_shortest(o: Outcomes) -> Judgement:
     "II-F, figure 5",
     "0.834, fixed offset 0.846 deg",
     f"at least {NO_BETTER} times the fixed offset's error; same direction: the worst of the three, {CLEARLY}",
-    "on joint 1 it errs after the shortest recording no more than after the longest: there it is not short of data, as "
-    "the paper's was. Tried: a tool that stands 2 deg elsewhere in the test raises its error, and not the line's",
+    "on joint 1 it errs after the shortest recording no more than after the longest: there, unlike the paper's, it is "
+    "not short of data. Tried: a tool that stands 2 deg elsewhere in the test raises its error, and not the line's",
 )
 def _polynomial_shortest(o: Outcomes) -> Judgement:
     reached = _of(o, [SHORTEST], SHOWN, 0)

@@ -369,9 +369,9 @@ def considerably_better(o: Outcomes, condition: Condition, model: str) -> NDArra
     "II-G",
     "0.241 to 0.493 deg",
     f"error in hour 5 at least {DECAYS} times that in hour 0, mean over robots",
-    "after the hours on the brakes the tool of the drawn robots stands elsewhere than in training, which the "
-    "polynomial takes for more than it is worth, unlike network and linear model; the nominal robot's stands where it "
-    "stood, and nothing else changes but the slow branch of its cables, within a minute",
+    "after the hours on the brakes the tool stands elsewhere than in training, which the polynomial takes for more "
+    "than it is worth, unlike network and linear model: with the tool's inputs moved back, the drawn robots err as in "
+    "hour 0. Nothing else changes but the slow branch of the cables, within a minute",
 )
 def _idle_polynomial(o: Outcomes) -> Judgement:
     errors = hourly(o, "idle", POLYNOMIAL)

@@ -35,8 +35,8 @@ GROUPS = (
 _OF_KIND = {"smooth": (4, 1), "memory": (5, 2), "ripple": (6, 3), "path": (5, 8)}
 _LADDER = (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, DROPPED)
 _START = (1.0, 1.0, 10.0, 100.0, 100.0, 100.0, DROPPED, 100.0, 10.0)
-# groups in the order in which penalties are tried; without the waves of other joints, which on simulated RAVEN-IIs and
-# drawn arms of even seeds helped no joint and, learnt along a zig-zag, took the place of memory
+# groups in the order in which penalties are tried, but for the waves of other joints, which only older files hold: on
+# simulated RAVEN-IIs and drawn arms of even seeds they gained nothing and, along a zig-zag, took the place of memory
 _WALK = (7, 5, 4, 2, 8, 3, 1, 0)
 _SWEEPS = 2
 _MIN_LOG_GAIN = 0.004  # change of the log mean square that a larger penalty may cost and a smaller one must gain
