@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from catenary.errors import CatenaryError
 from catenary.files import write_atomically
 from papers.catalog import experiment
 from papers.experiment import NOMINAL, Case, Experiment, Scope
@@ -96,13 +97,17 @@ def show(planned: Planned, store: Store, out: Path, console: Console) -> None:
 
 
 def judge(name: str, committed: Path, out: Path) -> None:
-    """Write into a folder and print what committed raw results show today: no robot runs."""
-    raw = committed / f"{name}{RAW}"
+    """Write into a folder and print what committed raw results show today: no robot runs, no newer run is lost."""
+    raw, newer = committed / f"{name}{RAW}", out / f"{name}{RAW}"
+    if newer.is_file() and newer.read_bytes() != raw.read_bytes():
+        raise CatenaryError(
+            f"judge {name}: {newer} is another run than the committed one; publish {name}, or name a folder by --out"
+        )
     kept = read_raw(raw)
     content = json.loads((committed / f"{name}.json").read_text(encoding="utf-8"))
     robots = tuple(NOMINAL if robot == "nominal" else robot for robot in content["robots"])
     show_results(experiment(name), Scope(robots), kept, out, 0)
-    write_atomically(out / raw.name, raw.read_bytes())  # what the cases were made with stays as they tell it
+    write_atomically(newer, raw.read_bytes())  # what the cases were made with stays as they tell it
 
 
 def show_results(

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from catenary import __version__
+from catenary.errors import CatenaryError
 from papers import __main__ as command
 from papers import catalog, runner, sweep
 from papers.experiment import Case, Experiment, Judgement, Outcomes, Report, Result, Scope, run
@@ -148,6 +149,10 @@ def test_a_sweep_in_two_sittings_ends_as_one_does_and_raw_results_are_judged_wit
     for name in ("beyond-squares.json", f"beyond-squares{RAW}", "beyond-squares-1.svg"):
         assert (tmp_path / "judged" / name).read_bytes() == (tmp_path / name).read_bytes()
     assert (content["robots"], content["cases"]) == (["nominal", 1, 2], 3)
+    (tmp_path / f"beyond-squares{RAW}").write_bytes(b"of another run")
+    with pytest.raises(CatenaryError, match="publish beyond-squares, or"):
+        sweep.judge("beyond-squares", tmp_path / "judged", tmp_path)
+    assert (tmp_path / f"beyond-squares{RAW}").read_bytes() == b"of another run"
 
 
 def test_seeds_are_how_many_robots_are_drawn(tmp_path: Path) -> None:
