@@ -6,13 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from catenary.arrays import Floats
 from catenary.identification.cable_loops import CableLoop, Interval, cable_loops
 from catenary.plant import MotionLog
 from catenary.recording.logs import write_parquet
 from catenary.simulation.cable_parameters import load_cable_arm
 from catenary.simulation.cable_plant import CablePlant
 from catenary.simulation.firmware import joint_torques
-from catenary.transmission.cable_friction import coupled_friction
+from catenary.transmission.cable_elasticity import bouc_wen_step
+from catenary.transmission.cable_friction import coupled_friction, dragged
 from command_line import catenary, refusal
 
 STIFFNESS, JOINT_SIDE, MOTOR_SIDE = 90.0, 0.3, 0.5  # [Nm/rad, Nm, Nm]
@@ -91,3 +93,44 @@ def test_the_command_prints_it_and_refuses_torques_of_the_wrong_sign(tmp_path: P
     assert "drives the joint" in refusal("identify-cable", bad)
     write_parquet(replace(log, tau=None), bad)
     assert "friction needs torques" in refusal("identify-cable", bad)
+
+
+def windup(parameters: Floats, way: Floats) -> Floats:
+    """Return a motor's torque along its way while the joint stands: cable, friction inside it and at the motor, load."""
+    elastic, yielding, width, rise, inside, motor, load = parameters
+    z = node = 0.0
+    torque = []
+    for stretch, step in zip(way, np.diff(way, prepend=0.0), strict=True):
+        z, node = bouc_wen_step(z, step, width), dragged(node, step, rise, inside)
+        torque.append(elastic * stretch + yielding * width * z + node + motor * np.sign(step) + load)
+    return np.array(torque)
+
+
+@pytest.mark.parametrize("joint", range(3))
+def test_fisher_information_of_small_reversals_tells_a_width_from_inner_friction_only_where_the_joint_is_clamped(
+    joint: int,
+) -> None:
+    # a minute of wind-ups; errors of 3 % of the friction that last 0.12 s, as a fit to such a recording of the plant left
+    cable = load_cable_arm("raven2_friction.toml").cable
+    stiffness, share, width = cable.stiffness[joint], cable.elastic_share[joint], cable.hysteresis_width[joint]
+    place, inside, motor = cable.node_share[joint], cable.node_friction[joint], cable.rotor_friction * cable.ratio
+    truth = np.array([
+        (share + cable.slow_share[joint]) * stiffness, (1.0 - share) * stiffness, width,
+        (1.0 - place) / place * stiffness, (1.0 - place) * inside, motor[joint], 0.1 * motor[joint],
+    ])  # fmt: skip
+    noise = 0.03 * (motor[joint] + inside + cable.link_friction[joint])
+    way = np.linspace(0.0, 6.0 * width, 3000)
+    at_motor, within = windup(truth * [1, 1, 1, 1, 0, 0, 0], way), windup(truth * [0, 0, 1, 1, 1, 0, 0], way)
+    slips = way[np.argmax(at_motor - place / (1.0 - place) * within > cable.link_friction[joint])]
+    bounds = []
+    for widest in (slips, 3.0 * width):
+        turns = np.array([0.0, *(side * part * widest for part in (1.0, 0.75, 0.5, 0.25, 1.0) for side in (1, -1))])
+        loops = np.interp(np.arange(0.0, 10.0, 0.005), np.arange(11.0), turns)
+        steps = 1e-4 * truth
+        jacobian = np.column_stack([
+            (windup(truth + step, loops) - windup(truth - step, loops)) / 2e-4 for step in np.diag(steps)
+        ])[200:]  # fmt: skip
+        information = jacobian.T @ jacobian * (60.0 / 0.12 / len(jacobian)) / noise**2
+        bounds.append(float(np.sqrt(np.linalg.inv(information)[2, 2])))  # as a share of the width
+    assert bounds[0] > 0.25
+    assert bounds[1] < 0.5 * bounds[0]
