@@ -166,7 +166,12 @@ def plot(
     joints: JointOptions,
     robot: str = replace(ROBOT, metavar="ROBOT|MODEL", help=f"{ROBOT.help} With LOG: a calibration model."),
     log: Path | None = argument("LOG", "A recording: draw the model's errors on it, one column wide.", None),
-    own: str | None = replace(OWN_CLASS, goes_with="log"),
+    schematic: str | None = option(
+        "cables|signals|commands|model",
+        "Instead: a RAVEN-II's cables, its signals, commands, or MODEL.",
+        not_with="log",
+    ),
+    own: str | None = replace(OWN_CLASS, goes_with=("log", "schematic")),
     joint: str | None = option("NAME", "With LOG: the joint to draw. [default: the first]", goes_with="log"),
     hide: Names | None = option("PART,...", "What not to draw, of frames, masses, gravity and torques."),
     out: Path = option("FILE", f"Picture to write, .png, .svg or .pdf. {NAMED_AS_TYPED}", REQUIRED, writes=PICTURE),
@@ -175,18 +180,26 @@ def plot(
 
     A robot with its links, frames, centres of mass, gravity, and the torques that hold it; without --q in the middle of
     its joints' ranges. Or, given a recording too, what a calibration model does for one joint: errors over time, close
-    up and as a histogram, hysteresis, coverage of the intervals, and delay, as a figure for a paper.
+    up and as a histogram, hysteresis, coverage of the intervals, and delay, as a figure for a paper. --schematic draws
+    how cables run, what a RAVEN-II reports and is told, which commands drive a robot, or what a model computes.
 
     Example: catenary plot panda --q-deg 0,-30,0,-120,0,90,45 --base-tilt-deg 0,20 --out panda.png
 
     Example: catenary plot arm.npz tuesday.parquet --joint elbow --out fig.pdf
+
+    Example: catenary plot raven2 --schematic cables --out cables.svg
     """
     from catenary.reports.robot_plot import middle_pose
     from catenary.reports.robot_plot import plot as draw
 
+    if (log is not None or schematic is not None) and (stated, loaded, joints, hide) != (
+        GravityOptions(), LoadedOptions(), JointOptions(), None
+    ):  # fmt: skip
+        raise InputError(f"plot: options of a robot's picture do not go with {'LOG' if log else '--schematic'}")
+    if schematic is not None:
+        _plot_schematic(robot, schematic, own, out)
+        return
     if log is not None:
-        if (stated, loaded, joints, hide) != (GravityOptions(), LoadedOptions(), JointOptions(), None):
-            raise InputError("plot MODEL LOG: options of a robot's picture do not go with LOG")
         _plot_errors(Path(robot), log, joint, recordings, own, out)
         return
     model = loaded.load(robot)
@@ -203,6 +216,21 @@ def plot(
     write_picture(figure, out, PICTURE.endings)
     content = {"robot": model.name, "q": pose, "unit": model.joint_units, "gravity": gravity, "out": str(out)}
     print_result(content, f"picture: {out}")
+
+
+def _plot_schematic(robot: str, kind: str, own: str | None, out: Path) -> None:
+    from catenary.calibration.model_file import load_model
+    from catenary.reports.schematic import SCHEMATICS, model_schematic
+    from catenary.robots.catalog import RAVEN_SIDES
+
+    if kind == "model":
+        figure = model_schematic(load_model(Path(robot), own)[0])
+    elif kind == "commands" or robot in RAVEN_SIDES:
+        figure = SCHEMATICS[kind]()
+    else:
+        raise InputError(f"plot {robot} --schematic {kind}: expected one of {', '.join(RAVEN_SIDES)}")
+    write_picture(figure, out, PICTURE.endings)
+    print_result({"robot": robot, "schematic": kind, "out": str(out)}, f"picture: {out}")
 
 
 def _plot_errors(
