@@ -280,7 +280,7 @@ def _counted(o: Outcomes) -> Judgement:
     "II-H",
     "network 0.328, 0.264, 0.167; linear 0.361, 0.355, 0.167 (deg, deg, mm)",
     f"within {100.0 * CLOSE:.0f} % for both models on all joints, mean over robots; same direction: more than half are",
-    "the linear model is better than the paper's on joint 2 from hour 0 on (figure 6), and both models are on joint 3",
+    "the linear model is better than the paper's on joint 2 from hour 0 on (figure 6), and the network on joint 3",
     fitted=True,
 )
 def _selected(o: Outcomes) -> Judgement:
@@ -329,8 +329,8 @@ def _larger_between(o: Outcomes) -> Judgement:
     "1.985 deg, 1.834 deg, 1.352 mm",
     "error at least that of the fixed offset on every joint, mean over robots, three longest training sets, with the "
     "time stamp; same direction: on two",
-    "the stamp ruins models that were trained on one recording, whatever its length, and hardly those trained on "
-    "several: minutes between recordings settle its weight. Two of the three longest sets are joined ones",
+    "the stamp ruins linear models that were trained on one short recording, as the three shortest sets are: longer "
+    "ones, and minutes between several, settle its weight",
 )
 def _linear_ruined(o: Outcomes) -> Judgement:
     offset = errors_of(o, six_hours.OFFSET, "16")

@@ -311,8 +311,8 @@ def _times_faster(o: Outcomes) -> Judgement:
     "with 138 inputs and time stamp for 16, three longest training sets, the linear model's error is at least "
     f"{RUINED} times as large on every joint, mean over robots; beside it the larger network's, over the small one's "
     f"with 16, grows less, {CLEARLY}; same direction: the former on two",
-    "the stamp ruins a linear model that was trained on one recording, and hardly one trained on several, as two of "
-    "the three longest sets are (figure 8)",
+    "the stamp ruins a linear model that was trained on one short recording, and much less one of the three longest "
+    "sets (figure 8)",
 )
 def _irrelevant(o: Outcomes) -> Judgement:
     ratios = {model: growth(o, model) for model in (*KINDS, LARGER)}

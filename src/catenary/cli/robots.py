@@ -181,7 +181,7 @@ def plot(
     A robot with its links, frames, centres of mass, gravity, and the torques that hold it; without --q in the middle of
     its joints' ranges. Or, given a recording too, what a calibration model does for one joint: errors over time, close
     up and as a histogram, hysteresis, coverage of the intervals, and delay, as a figure for a paper. --schematic draws
-    how cables run, what a RAVEN-II reports and is told, which commands drive a robot, or what a model computes.
+    how cables run, a RAVEN-II's signals and control, which commands drive a robot, or what a model computes.
 
     Example: catenary plot panda --q-deg 0,-30,0,-120,0,90,45 --base-tilt-deg 0,20 --out panda.png
 
