@@ -1,11 +1,10 @@
 """Accuracy at once, accuracy after six hours, and the time of one correction, of every method in one picture.
 
 The accuracy is that of table III: every method learns from the same 17 minutes of zig-zags of the same simulated robots
-and is tested on the same six unloaded hours; the learner, which table III lacks, on those of the nominal robot. The
-time is the processor's for one correction, as a servo loop at 1 kHz would ask for it: it depends on how a method is
-written and on the machine, here two shared cores under load, half as fast as idle ones. Ours run compiled, and the
-filter with its links' dynamics; the recurrent network is plain NumPy, the process and the forest are scikit-learn's,
-and much of their time is the price of calls from Python.
+and is tested on the same six unloaded hours. The time is the processor's for one correction, as a servo loop at 1 kHz
+would ask for it: it depends on how a method is written and on the machine, here two shared cores under load, half as
+fast as idle ones. Ours run compiled, and the filter with its links' dynamics; the recurrent network is plain NumPy, the
+process and the forest are scikit-learn's, and much of their time is the price of calls from Python.
 """
 
 import time
