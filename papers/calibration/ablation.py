@@ -178,7 +178,7 @@ EXPERIMENT = Experiment(
     f"the network's error with both is less, {CLEARLY}, than with either alone, on every joint; same direction: than "
     "with positions alone on two joints, and than with torques alone on two",
     "a cable stretches by the torque that it carries, and what idlers and winding do depends on positions: without "
-    "either, a joint errs more than twice as much",
+    "either, a joint errs by half as much again, or more",
 )
 def _both_needed(o: Outcomes) -> Judgement:
     both, positions, torques = (of(o, name, recordings.NETWORK) for name in (BOTH, POSITIONS, TORQUES))
@@ -216,8 +216,8 @@ def _nothing_else(o: Outcomes) -> Judgement:
     "-",
     f"on joint 3 the network's error with torques alone is less, {CLEARLY}, than with positions alone; beside it, on "
     "joints 1 and 2 that with positions is less; same direction cannot be without the former",
-    "joint 3's own torque explains its error as well as the positions of all three joints do (signals shuffled); which "
-    "of both weighs more differs from robot to robot",
+    "joint 3's error depends on positions, its own above all, more than on its torque (signals shuffled); on the "
+    "nominal robot either alone tells as much",
 )
 def _torques_on_joint_3(o: Outcomes) -> Judgement:
     torques, positions = (of(o, name, recordings.NETWORK) for name in (TORQUES, POSITIONS))

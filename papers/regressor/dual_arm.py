@@ -210,7 +210,7 @@ def rms_deg(errors: Floats, limb: str, window: tuple[float, float]) -> float:
     return float(np.rad2deg(np.sqrt(np.mean(errors[begin:end, LIMBS[limb]] ** 2))))
 
 
-@run(revision=2)
+@run(revision=3)
 def dual_arm(seed: int | None, controller: str, start: str, payload_kg: float, pace: float) -> Result:
     """Run the motion; return RMS errors by window and limb [deg], and each joint's error over time [deg]."""
     if controller not in get_args(ControllerName) or start not in get_args(Start):

@@ -1,4 +1,5 @@
 import warnings
+from itertools import product
 
 import numpy as np
 import pytest
@@ -132,9 +133,9 @@ def test_evidence_is_that_of_the_whole_gaussian_over_all_sizes(rng: np.random.Ge
     sizes = np.array([2.0, 0.3, 0.3, 0.3])
     logs = []
     for frame in PLANAR.link_names:
-        V = Z @ load_directions(regressor, frame) * sizes
         densities = []
-        for octave in range(7):
+        for octave, moment in product(range(7), (1.0, 0.5, 0.25)):
+            V = Z @ load_directions(regressor, frame) * sizes * [1.0, moment, moment, moment]
             covariance = np.eye(len(y)) + V @ V.T / 4.0**octave
             fit = y @ np.linalg.solve(covariance, y) + np.linalg.slogdet(covariance)[1]
             densities.append(np.exp(-0.5 * fit))
@@ -157,7 +158,8 @@ def test_stated_probabilities_are_how_often_they_are_right(rng: np.random.Genera
     for _ in range(600):
         q = poses(rng, 2)
         link = rng.integers(3)
-        load = np.array([2.0, 0.3, 0.3, 0.3]) * rng.normal(size=4) * 0.5 ** rng.integers(7)
+        sizes = np.array([2.0, 0.3, 0.3, 0.3]) * 0.5 ** rng.integers(7)
+        load = rng.normal(size=4) * sizes * np.append(1.0, np.full(3, 0.5 ** rng.integers(3)))
         Z = regressor.Z(q, UPRIGHT) / NOISE
         change = load_directions(regressor, PLANAR.link_names[link]) @ load
         hypotheses.restart(None)

@@ -11,8 +11,8 @@ J = V_k^T (A - A (A + K)^-1 A) V_k,   b = V_k^T (a - A (A + K)^-1 a),   A = sum 
 [a Bayes factor of nested linear models: MacKay 2003, Information theory, inference and learning algorithms, ch. 28].
 How large a load is nobody knows beforehand, and a standard deviation of kilograms calls a wrong link surely the right
 one where the load is a small one: of two frames that explain it alike, that one wins whose load is thought larger. So
-its size is unknown too: x has the given standard deviations, or a half, a quarter ... of them, each as likely, and
-p(y | k) is the mean over these.
+its size is unknown too: x has the given standard deviations, or a half, a quarter ... of them, and its moment all of
+that, a half or a quarter, as it hangs far from the frame's origin or near; p(y | k) is the mean over these.
 Where the columns of two frames coincide in all poses seen, Z V_j = Z V_k X, both explain the torques as well and share
 the probability: such as two links with a joint between that stands upright and has not moved, or a load near that
 joint's axis, which the joint does not feel. Beyond the gravity-regressor paper.
@@ -33,6 +33,7 @@ _JOINT_STEPS = (0.0, -0.8, -0.4, 0.4, 0.8)  # [rad], a fifth of it in m: how far
 # standard deviations of a large load's mass [kg] and of its moment about the frame's origin [kg m]
 LOAD_SIZE = (2.0, 0.3)
 _LOAD_OCTAVES = 0.5 ** np.arange(7.0)  # sizes of loads over that, each as likely beforehand: down to 30 g
+_MOMENTS = (1.0, 0.5, 0.25)  # of a load's size: what its moment has beforehand, each as likely
 
 
 class CarrierBelief(NamedTuple):
@@ -120,19 +121,24 @@ class LoadHypotheses:
         if self._known is not None:
             A, a = A - A @ np.linalg.solve(A + self._known, A), a - A @ np.linalg.solve(A + self._known, a)
         V = self.directions.T.reshape(len(self.frames), PER_LOAD, -1)  # transposed
-        return load_of_any_size(V @ A @ V.swapaxes(1, 2), V @ a)
+        return load_of_any_size(V @ A @ V.swapaxes(1, 2), V @ a, _MOMENTS)
 
 
-def load_of_any_size(information: Floats, score: Floats) -> tuple[Floats, Floats, Floats]:
+def load_of_any_size(
+    information: Floats, score: Floats, others: Sequence[float] = (1.0,)
+) -> tuple[Floats, Floats, Floats]:
     """Return the evidence and the estimate of loads whose size has a prior over many scales.
 
     Args:
         information, score: J (..., k, k) and b (..., k) of loads, in standard deviations of a large one.
+        others: What all numbers but the first may be of a size, each as likely.
 
     Returns:
         log p(y | load) - log p(y | no load) (...), loads (..., k) and their covariances (..., k, k).
     """
-    squares = (_LOAD_OCTAVES**2).reshape(-1, *[1] * information.ndim)
+    sizes = [(size, *[size * other] * (score.shape[-1] - 1)) for size in _LOAD_OCTAVES for other in others]
+    scales = np.reshape(sizes, (len(sizes), *[1] * (information.ndim - 2), -1))
+    squares = scales[..., :, None] * scales[..., None, :]
     whole = np.eye(score.shape[-1]) + squares * information
     covariances = squares * np.linalg.inv(whole)
     means = (covariances @ score[..., None])[..., 0]
