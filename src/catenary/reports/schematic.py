@@ -28,7 +28,7 @@ _TRUE, _MOST_LETTERS = "#2a7f4f", 24  # of names in a line of a box
 _LEGEND_SIZE, _TEXT_SIZE, _SMALL_SIZE = 8.0, 7.5, 6.5
 
 
-class Box(NamedTuple):
+class DiagramBox(NamedTuple):
     """A box of a diagram: its place in columns and rows from the upper left, its text, and what it holds."""
 
     column: float
@@ -37,7 +37,7 @@ class Box(NamedTuple):
     holds: str = ""  # a key of the legend: "measured" directly, the "true" position, or "" of all others
 
 
-def diagram(title: str, boxes: Mapping[str, Box], arrows: Sequence[tuple[str, str, str]]) -> Figure:
+def diagram(title: str, boxes: Mapping[str, DiagramBox], arrows: Sequence[tuple[str, str, str]]) -> Figure:
     """Draw boxes, and arrows from one to another with a text; arrows leave and enter by the nearest sides."""
     width, height = (max(getattr(box, way) for box in boxes.values()) + 1.0 for way in ("column", "row"))
     figure = ShownFigure(figsize=(_COLUMN_INCH * width, _ROW_INCH * height + 0.4), layout="constrained")
@@ -117,21 +117,21 @@ def _signals() -> Figure:
 
     gains = f"Kp {firmware.kp[0]:g}, Kd {firmware.kd[0]:g}, Ki {firmware.ki[0]:g}"
     boxes = {
-        "tip": Box(0, 0, f"command in space\n{named('pos_d', 'ori_d')}"),
-        "jd": Box(1, 0, f"desired joints\n{named('jpos_d')}"),
-        "md": Box(2, 0, f"desired motors\n{named('mpos_d')}"),
-        "pd": Box(3, 0, f"PD at 1 kHz, joint 1:\n{gains}"),
-        "tau": Box(4, 0, f"torque, a command\n{named('tau')}"),
-        "dac": Box(5, 0, f"current, a command\n{named('dac_val')}"),
-        "motor": Box(5, 1, "motors, gears,\ncables"),
-        "encoder": Box(4, 2, f"motors' encoders\n{named('encVals')}", "measured"),
-        "m": Box(3, 2, f"motor positions\n{named('mpos', 'mvel')}"),
-        "j": Box(2, 2, f"reported joints\n{named('jpos', 'jvel')}"),
-        "pose": Box(0, 2, f"tool's pose\n{named('pos', 'ori')}"),
-        "joint": Box(5, 2, "joints"),
-        "ext": Box(5, 3, f"external encoders\n{EXT_JPOS.name.strip('/')}", "true"),
-        "model": Box(3, 3, "calibration\nq + f(q, tau)"),
-        "calibrated": Box(2, 3, "calibrated joints"),
+        "tip": DiagramBox(0, 0, f"command in space\n{named('pos_d', 'ori_d')}"),
+        "jd": DiagramBox(1, 0, f"desired joints\n{named('jpos_d')}"),
+        "md": DiagramBox(2, 0, f"desired motors\n{named('mpos_d')}"),
+        "pd": DiagramBox(3, 0, f"PD at 1 kHz, joint 1:\n{gains}"),
+        "tau": DiagramBox(4, 0, f"torque, a command\n{named('tau')}"),
+        "dac": DiagramBox(5, 0, f"current, a command\n{named('dac_val')}"),
+        "motor": DiagramBox(5, 1, "motors, gears,\ncables"),
+        "encoder": DiagramBox(4, 2, f"motors' encoders\n{named('encVals')}", "measured"),
+        "m": DiagramBox(3, 2, f"motor positions\n{named('mpos', 'mvel')}"),
+        "j": DiagramBox(2, 2, f"reported joints\n{named('jpos', 'jvel')}"),
+        "pose": DiagramBox(0, 2, f"tool's pose\n{named('pos', 'ori')}"),
+        "joint": DiagramBox(5, 2, "joints"),
+        "ext": DiagramBox(5, 3, f"external encoders\n{EXT_JPOS.name.strip('/')}", "true"),
+        "model": DiagramBox(3, 3, "calibration\nq + f(q, tau)"),
+        "calibrated": DiagramBox(2, 3, "calibrated joints"),
     }
     arrows = [
         ("tip", "jd", "inverse"), ("jd", "md", "ratio,\ncoupling"), ("md", "pd", ""), ("m", "pd", "fed back"),
@@ -154,13 +154,13 @@ def _commands() -> Figure:
         "view": "arm in a browser",
         "deploy": "corrected joints",
     }
-    boxes = {name: Box(0, k, f"catenary {name}\n{what}") for k, (name, what) in enumerate(drive.items())}
-    boxes |= {name: Box(4, k, f"catenary {name}\n{what}") for k, (name, what) in enumerate(watch.items())}
+    boxes = {name: DiagramBox(0, k, f"catenary {name}\n{what}") for k, (name, what) in enumerate(drive.items())}
+    boxes |= {name: DiagramBox(4, k, f"catenary {name}\n{what}") for k, (name, what) in enumerate(watch.items())}
     boxes |= {
-        "client": Box(1, 1.5, "CRTK client: limits,\none program at a time"),
-        "robot": Box(2, 0.5, "robot, or\ncatenary serve"),
-        "states": Box(2, 2.5, "measured_js,\nsetpoint_js,\noperating_state", "measured"),
-        "reader": Box(3, 1.5, "CRTK reader:\nclock, units, stops"),
+        "client": DiagramBox(1, 1.5, "CRTK client: limits,\none program at a time"),
+        "robot": DiagramBox(2, 0.5, "robot, or\ncatenary serve"),
+        "states": DiagramBox(2, 2.5, "measured_js,\nsetpoint_js,\noperating_state", "measured"),
+        "reader": DiagramBox(3, 1.5, "CRTK reader:\nclock, units, stops"),
     }
     arrows = [
         *((name, "client", "") for name in drive), ("client", "robot", "servo_jr, move_jp,\nstate_command"),
@@ -180,15 +180,19 @@ def model_schematic(model: CalibrationModel) -> Figure:
         kind, _, name = signal.partition(":")
         inputs.setdefault(kind, []).append(name or kind)
     rows = max(len(inputs), len(model.groups))
-    boxes = {"reported": Box(0, 0, "reported joints")}
-    boxes |= {kind: Box(0, k, f"{kind}\n{_listed(names)}") for k, (kind, names) in enumerate(inputs.items(), 1)}
+    boxes = {"reported": DiagramBox(0, 0, "reported joints")}
+    boxes |= {kind: DiagramBox(0, k, f"{kind}\n{_listed(names)}") for k, (kind, names) in enumerate(inputs.items(), 1)}
     for k, group in enumerate(model.groups):
         joints = _listed([model.joint_names[j] for j in group.joints])
         row = 1.0 + (k + 0.5) * rows / len(model.groups) - 0.5
-        boxes[f"group {k}"] = Box(1.3, row, f"{joints}\n{_formula(model, group)}")
+        boxes[f"group {k}"] = DiagramBox(1.3, row, f"{joints}\n{_formula(model, group)}")
     middle = 0.5 * (1.0 + rows)
-    boxes["added"] = Box(2.6, middle, f"{model.target}, where inputs are\nin the valid range;\nelse fixed offset")
-    boxes["calibrated"] = Box(3.8, 0.0, "calibrated joints" + ("\n± interval" if model.intervals else ""), "true")
+    boxes["added"] = DiagramBox(
+        2.6, middle, f"{model.target}, where inputs are\nin the valid range;\nelse fixed offset"
+    )
+    boxes["calibrated"] = DiagramBox(
+        3.8, 0.0, "calibrated joints" + ("\n± interval" if model.intervals else ""), "true"
+    )
     arrows = [(kind, f"group {k}", "") for kind in inputs for k in range(len(model.groups))]
     arrows += [(f"group {k}", "added", "") for k in range(len(model.groups))]
     adds = model.target == "error"  # end to end a model gives the position itself
