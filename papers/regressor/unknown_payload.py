@@ -307,8 +307,7 @@ EXPERIMENT = Experiment(
     "in every bin of stated probabilities the share of right ones is not below the stated mean by more than two "
     "standard errors of a share, all arms and poses together, with the default size of loads; same direction: in more "
     "than half of the bins",
-    "statements on one load after one, two, five ... poses go together, so that the standard errors are rather larger; "
-    "on eighteen other arms, eight of them not looked at before, every bin holds",
+    "statements on one load after one, two, five ... poses go together, so that the standard errors are rather larger",
 )
 def _sure(o: Outcomes) -> Judgement:
     bins = reliability(trials_of(o, USUAL))

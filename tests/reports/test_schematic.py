@@ -77,3 +77,4 @@ def test_the_command_draws_them_and_refuses_what_they_do_not_go_with(tmp_path: P
         "plot", "raven2", "--schematic", "cables", "--payload", "1", "--out", out
     )
     assert "--schematic" in refusal("plot", "raven2", "--schematic", "wires", "--out", out)
+    assert "nosuch" in refusal("plot", "nosuch", "--schematic", "commands", "--out", out)

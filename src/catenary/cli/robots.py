@@ -221,14 +221,15 @@ def plot(
 def _plot_schematic(robot: str, kind: str, own: str | None, out: Path) -> None:
     from catenary.calibration.model_file import load_model
     from catenary.reports.schematic import SCHEMATICS, model_schematic
-    from catenary.robots.catalog import RAVEN_SIDES
+    from catenary.robots.catalog import RAVEN_SIDES, load_robot
 
     if kind == "model":
         figure = model_schematic(load_model(Path(robot), own)[0])
-    elif kind == "commands" or robot in RAVEN_SIDES:
-        figure = SCHEMATICS[kind]()
     else:
-        raise InputError(f"plot {robot} --schematic {kind}: expected one of {', '.join(RAVEN_SIDES)}")
+        load_robot(robot)  # an unknown name is refused with the choices
+        if kind != "commands" and robot not in RAVEN_SIDES:
+            raise InputError(f"plot {robot} --schematic {kind}: expected one of {', '.join(RAVEN_SIDES)}")
+        figure = SCHEMATICS[kind]()
     write_picture(figure, out, PICTURE.endings)
     print_result({"robot": robot, "schematic": kind, "out": str(out)}, f"picture: {out}")
 
